@@ -19,6 +19,9 @@ from pipeline.config.sections import Range
 GRIDS = {"yaw": "yaw", "contact.friction": "friction"}
 """Keys whose values one site takes all at once, and what these are called in its datasets."""
 
+TAKEN = ("yaw", "friction", "pga", "pgv_pga", "record")
+"""Dimensions of nearly all datasets."""
+
 MOST_MEMBERS = 200
 """Members of a sweep, each a site with products of its own; directions and frictions are grids."""
 
@@ -161,6 +164,8 @@ def _dimension(
     own = tuple(_at(base, key) for key in values)
     grid = gridded and len(values) == 1 and next(iter(values)) in GRIDS
     numeric = all(_is_number(place[0]) for place in places)
+    if name in TAKEN and not (numeric and [GRIDS.get(key) for key in values] == [name]):
+        raise InputError(taken(file, name))
     return Dimension(
         name,
         values,
@@ -168,6 +173,12 @@ def _dimension(
         places.index(own) if own in places else 0,
         gridded=grid and numeric,
     )
+
+
+def taken(file: str, name: str) -> Problem:
+    """What is wrong with a dimension that is called like something of a product."""
+    given, rule = "a name that datasets have", "a dimension has a name of its own"
+    return Problem(file, f"sweep.{name}", given, rule, f"rename it, e.g. swept_{name}")
 
 
 def _check_key(layers: Layers, file: str, place: str, key: str, before: dict[str, str]) -> None:

@@ -73,6 +73,12 @@ BAD = {
     "nothing": ("sweep: []", "sweep", "[]", "named dimensions"),
     "a name with a blank": ("sweep: {'my key': {yaw: [0, 1]}}", "lower-case letters", "rename"),
     "a dimension without keys": ("sweep: {yaw: [0, 1]}", "sweep.yaw", "keys of the configuration"),
+    "lists of directions": ("sweep: {yaw: {yaw: [[0, 90], [30, 60]]}}", "sweep.yaw", "rename it"),
+    "a list of frictions": (
+        "sweep: {friction: {contact.friction: [[0.4, 0.6], 0.5]}}",
+        "sweep.friction",
+        "e.g. swept_friction",
+    ),
     "no value": ("sweep: {yaw: {yaw: []}}", "sweep.yaw.yaw", "one value"),
     "an unknown key": ("sweep: {mu: {contact.fricton: [0.4]}}", "contact.fricton", "did you mean"),
     "an empty key": ("sweep: {mu: {contact..friction: [0.4]}}", "contact..friction", "invalid key"),

@@ -10,7 +10,8 @@ import numpy as np
 import xarray as xr
 
 from pipeline.config.motion_schema import is_along_x
-from pipeline.config.sweep import GRIDS, Dimension, Sweep
+from pipeline.config.problems import InputError
+from pipeline.config.sweep import GRIDS, Dimension, Sweep, taken
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.datasets.responses import Responses
 from pipeline.stages.fragility.summary import Fits
@@ -143,6 +144,9 @@ def stacked(swept: Swept, work: Work) -> xr.Dataset:
     parts = [part[[name for name in part.data_vars if name in common]] for part in parts]
     ragged = _ragged(parts)
     parts = [part.drop_dims(ragged) for part in parts]
+    names = set[Any]().union(*(part.variables.keys() | part.dims for part in parts))
+    if wrong := [one.name for one in sweep.parted if one.name in names]:
+        raise InputError(*(taken(sweep.file, name) for name in wrong))
     data = _nested(parts, sweep.parted)
     data = described(data, work, TITLE)
     for name, variable in data.data_vars.items():
