@@ -74,7 +74,7 @@ def counted(pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLik
     pga : array_like, shape (n_pga,) [g]
         Positive, strictly increasing.
     pgv_pga : array_like, shape (n_ratio,) [s]
-        Positive, strictly increasing.
+        Positive, not decreasing: two records may have the same.
     overturned : array_like, shape (n_ratio, n_pga)
         1, 0, or NaN / -1 for an undecided run, which adds no trial.
 
@@ -83,7 +83,7 @@ def counted(pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLik
     InvalidInput
         If an axis or the shape does not fit, or no run is decided.
     """
-    columns, rows = _axis(pga, "pga"), _axis(pgv_pga, "pgv_pga")
+    columns, rows = _axis(pga, "pga"), _axis(pgv_pga, "pgv_pga", ties=True)
     grid = outcomes(overturned)
     if grid.shape != (rows.size, columns.size):
         given = f"overturned of shape {grid.shape} for {rows.size} PGV/PGA and {columns.size} PGA"
@@ -97,13 +97,14 @@ def counted(pga: npt.ArrayLike, pgv_pga: npt.ArrayLike, overturned: npt.ArrayLik
     return Cells(np.log(columns), np.log(rows), toppled, decided.astype(np.float64))
 
 
-def _axis(values: npt.ArrayLike, name: str) -> Array:
+def _axis(values: npt.ArrayLike, name: str, *, ties: bool = False) -> Array:
     axis = np.asarray(values, dtype=np.float64)
     if not (np.isfinite(axis) & (axis > 0)).all():
         given = f"{name} holds values that are not finite and above 0"
         rule = "fragility is fitted in ln PGA and ln PGV/PGA"
         raise InvalidInput(given, rule, f"leave such runs out or correct {name}")
-    if axis.ndim != 1 or axis.size == 0 or (np.diff(axis) <= 0).any():
+    steps = np.diff(axis) if axis.ndim == 1 and axis.size else np.zeros(1)
+    if (steps < 0.0).any() or not (ties or steps.all()) or axis.ndim != 1 or not axis.size:
         given = f"{name} of shape {axis.shape} that is not one strictly increasing axis"
         rule = "the grid's axes increase"
         raise InvalidInput(given, rule, f"sort the grid along {name} and merge repeated values")

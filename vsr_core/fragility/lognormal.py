@@ -108,7 +108,8 @@ class LognormalFragility(FragilityModel):
         for member, weights in zip(values, row_weights, strict=True):
             kept = (weights > 0) & self.cells.usable
             for column in range(2):
-                member[:, column] = np.interp(ln_ratio, ln_ratio[kept], member[kept, column])
+                there = np.interp(ln_ratio[~kept], ln_ratio[kept], member[kept, column])
+                member[~kept, column] = there
         return values
 
     def _threshold(self, row: int) -> tuple[str, float, float]:

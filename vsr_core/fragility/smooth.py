@@ -131,12 +131,13 @@ class SmoothFragility(FragilityModel):
 
 def _splines(values: Array) -> Array:
     """Cubic B-splines on quantiles of the values, there; of lower degree on fewer than 4."""
-    degree = min(3, values.size - 1)
-    if values.size == 1:  # a constant: one basis function around the only value
-        knots = np.array([values[0] - 1.0, values[0] + 1.0])
+    known = np.unique(values)
+    degree = min(3, known.size - 1)
+    if known.size == 1:  # a constant: one basis function around the only value
+        knots = np.array([known[0] - 1.0, known[0] + 1.0])
     else:
-        n_knots = min(N_KNOTS, max(values.size - degree + 1, 2))
-        knots = np.percentile(values, 100.0 * np.linspace(0.0, 1.0, n_knots))
+        n_knots = min(N_KNOTS, max(known.size - degree + 1, 2))
+        knots = np.percentile(known, 100.0 * np.linspace(0.0, 1.0, n_knots))
     low, high = knots[1] - knots[0], knots[-1] - knots[-2]  # go on evenly beyond the ends
     before = np.linspace(knots[0] - degree * low, knots[0] - low, degree)
     after = np.linspace(knots[-1] + high, knots[-1] + degree * high, degree)

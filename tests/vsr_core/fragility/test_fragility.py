@@ -396,6 +396,24 @@ def test_row_weights_are_repeated_rows(kind, noisy, monkeypatch):
 
 
 @pytest.mark.parametrize("kind", MODELS)
+def test_two_records_may_have_one_ratio(kind, monkeypatch):
+    """A record and its mirror image: rows that are alike count twice, and each has its own."""
+    monkeypatch.setattr(smooth, "PENALTIES", (0.1,))
+    axis, grid = AXIS, line_grid()
+    once = kind(weighted(counted(axis, axis, grid), np.full(axis.size, 2.0)))
+    twice = kind(counted(axis, np.repeat(axis, 2), np.repeat(grid, 2, axis=0)))
+    expected = np.repeat(fitted_probability(once), 2, axis=0)
+    np.testing.assert_allclose(fitted_probability(twice), expected, atol=2e-3)
+
+
+def test_each_of_two_records_of_one_ratio_has_its_own_median():
+    pga, grid = np.array([0.1, 0.2, 0.4, 0.8]), [[0, 0, 1, 1], [0, 0, 0, 1]]
+    model = LognormalFragility(counted(pga, [0.3, 0.3], grid))
+    median = model.grid_contour(model.coefs, 0.5)[0]
+    np.testing.assert_allclose(median, [0.08**0.5, 0.32**0.5], rtol=0.05)
+
+
+@pytest.mark.parametrize("kind", MODELS)
 def test_bootstrap_is_reproducible(kind):
     axis, grid = logistic_grid(6, n=12)
     model = kind(counted(axis, axis, grid))
