@@ -253,7 +253,7 @@ def _read(path: Path) -> dict[str, Any]:
     return content
 
 
-_NEXT = re.compile(r"\s+(?=[^\s=\[\]{}\"',]+=)")
+_NEXT = re.compile(r"(\s+)(?=[^\s=\[\]{}\"',]+=)")
 """Blanks before what may be the next setting."""
 
 
@@ -263,12 +263,13 @@ def _parted(given: str) -> list[str]:
     >>> _parted("yaw=[0, 90] motion.pga={start: 0.1, stop: 1, num: 5} found.place=[a b=1, c]")
     ['yaw=[0, 90]', 'motion.pga={start: 0.1, stop: 1, num: 5}', 'found.place=[a b=1, c]']
     """
-    found: list[str] = []
-    for part in _NEXT.split(given.strip()):
-        if found and not _is_whole(found[-1]):
-            found[-1] += f" {part}"
-        else:
+    first, *others = _NEXT.split(given.strip())
+    found = [first]
+    for blanks, part in zip(others[::2], others[1::2], strict=True):
+        if _is_whole(found[-1]):
             found.append(part)
+        else:
+            found[-1] += blanks + part
     return found
 
 

@@ -128,7 +128,7 @@ def of_members(data: xr.Dataset) -> RockFragility:
         (),
         row == "record",
         {
-            yaw: tuple(rows_with(cells[[i]], edge[[i]], every) for cells, edge in members)
+            yaw: tuple(rows_with(cells[[i]], edge[[i]], slice(i, i + 1)) for cells, edge in members)
             for yaw, i in yaws
         },
     )

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import shlex
+from collections.abc import Iterator
+from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -245,11 +248,13 @@ def command(site: Origin, settings: dict[str, Any]) -> list[str]:
         plain = load_site(name if shared else site.file).config.model_dump(mode="json")
     except InputError:  # the file is gone or edited since; the settings are on the page
         return [shlex.quote(name)]
-    given, own = _leaves(settings), _leaves(plain)
-    changed = {key: value for key, value in given.items() if value != own.get(key, own)}
-    for key in _PATHS & changed.keys():  # as the site's own file would name them
-        changed[key] = _moved(changed[key], site.folder_of(key), site.folder)
-    told = (f"{key}={_flow(value)}" for key, value in changed.items())
+    given = copy.deepcopy(settings)
+    for key in _PATHS:  # as the site's own file would name them
+        *above, last = key.split(".")
+        section: Any = reduce(lambda tree, part: tree.get(part) or {}, above, given)
+        if section.get(last) and site.folder_of(key) != site.folder:
+            section[last] = _moved(section[last], site.folder_of(key), site.folder)
+    told = (f"{key}={_flow(value)}" for key, value in _changed(given, plain))
     return [shlex.quote(name), *map(shlex.quote, told)]
 
 
@@ -263,18 +268,25 @@ def _moved(given: Any, folder: Path, home: Path) -> Any:
     return [_moved(one, folder, home) for one in given] if given else None
 
 
-def _leaves(tree: dict[str, Any], above: str = "") -> dict[str, Any]:
-    leaves: dict[str, Any] = {}
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            leaves |= _leaves(value, f"{above}{key}.")
-        else:
-            leaves[f"{above}{key}"] = value
-    return leaves
+def _changed(
+    given: dict[str, Any], plain: dict[str, Any], above: str = ""
+) -> Iterator[tuple[str, Any]]:
+    """Keys whose values are others, a section as a whole where it is of another kind."""
+    for key, value in given.items():
+        own = plain.get(key)
+        kinds = [one.get("kind") for one in (value, own) if isinstance(one, dict)]
+        if len(kinds) == 2 and kinds[0] == kinds[1]:
+            yield from _changed(value, plain[key], f"{above}{key}.")
+        elif value != own and (value != {} or own is not None):
+            yield f"{above}{key}", value
 
 
 def _flow(value: Any) -> str:
-    text = yaml.safe_dump(_shorter(value), default_flow_style=True, width=10**6)
+    # quoted, so that no other setting is seen to begin in it
+    style = '"' if isinstance(value, str) and "=" in value else None
+    text = yaml.safe_dump(
+        _shorter(value), default_flow_style=True, width=10**6, default_style=style
+    )
     return str(text).removesuffix("\n").removesuffix("\n...")
 
 

@@ -374,6 +374,35 @@ def test_command_names_what_was_set() -> None:
     assert again.config == changed.config
 
 
+RECORDED = (
+    "motion={kind: record, files: plus.csv, pga: [0.1, 0.2], processing: {order: none, "
+    "highpass: null, lowpass: null}}"
+)
+ON_Y = "motion={kind: table, pulses: [{axis: y}], pga: [0.1, 0.2], pgv_pga: [0.1, 0.3]}"
+PULSES = "motion={kind: sine_pulse, pga: [0.1, 0.2], pgv_pga: [0.1, 0.3]}"
+
+
+@pytest.mark.parametrize("own", [RECORDED, ON_Y, PULSES])
+@pytest.mark.parametrize(
+    "given",
+    [
+        *((RECORDED,), (ON_Y,), (PULSES,), ("motion.pga=[0.1, 0.3]", "contact.friction=0")),
+        ("rock={shape: mesh, mesh: 'my  rock a=1.ply'}",),
+    ],
+)
+def test_the_printed_command_has_all_settings(
+    tmp_path: Path, own: str, given: tuple[str, ...]
+) -> None:
+    """Also those that equal the site's, where a motion of another kind forgets them."""
+    site = tmp_path / "tor.yaml"
+    rock = "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}\n"
+    site.write_text(rock + own.replace("=", ": ", 1))
+    changed = load_site(str(site), None, given)
+    name, *settings = report.command(changed, changed.config.model_dump(mode="json"))
+    again = load_site(name, None, tuple(shlex.split(text)[0] for text in settings))
+    assert again.config == changed.config
+
+
 def test_the_printed_command_makes_the_boundary_that_is_shown(
     vsr: Callable[..., Ran], write_site: Callable[..., str], tmp_path: Path
 ) -> None:
