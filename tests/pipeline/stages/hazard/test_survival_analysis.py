@@ -197,6 +197,25 @@ def test_beyond_what_was_tried_half_of_what_stands_falls_where_half_would() -> N
     np.testing.assert_allclose(rock.mean(levels)[0], norm.cdf(np.log(levels / GRAVITY)))
 
 
+def test_draws_of_one_direction_go_on_by_its_own_fit() -> None:
+    """None fell up to 1 g in either direction, of which one has a median of 2 g, and one of 8 g."""
+    data = xr.Dataset(
+        {
+            "overturned": (("member", "yaw", "pgv_pga", "pga"), np.zeros((1, 2, 1, 2), np.int8)),
+            "member_boundary": (("member", "yaw", "pgv_pga"), np.full((1, 2, 1), np.inf)),
+            "theta": (("yaw", "pgv_pga"), [[2.0], [8.0]]),
+            "beta": (("yaw", "pgv_pga"), np.full((2, 1), 0.5)),
+        },
+        {"yaw": [0.0, 90.0], "pgv_pga": [0.1], "pga": [0.5, 1.0]},
+        {"searched_from_g": 0.5, "searched_to_g": 1.0},
+    )
+    rock, levels = of_members(data), np.array([1.0, 2.0, 4.0])
+    for yaw, median in ((0.0, 2.0), (90.0, 8.0)):
+        (draw,) = rock.others_by_yaw[yaw]
+        stands = norm.sf(2.0 * np.log(levels / median))
+        np.testing.assert_allclose(draw(GRAVITY * levels)[0], 1.0 - stands / stands[0])
+
+
 def test_a_member_falls_from_its_boundary_on_also_between_the_cells() -> None:
     """It topples from 0.3 g on, stands again about the cell at 0.8 g, and topples beyond."""
     pga = np.array([0.2, 0.4, 0.8, 1.6])
