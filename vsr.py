@@ -110,7 +110,7 @@ def run(
             rule, remedy = "a layer is a dict of settings", "e.g. {'yaw': 30}"
             raise InputError(Problem("vsr.run", "layers", f"{layer!r:.60}", rule, remedy))
         for key, value in layer.items():
-            settings += ["--set", f"{key}={json.dumps(_plain(value))}"]
+            settings += ["--set", f"{key}={_json(_plain(value))}"]
     if not isinstance(site, str | os.PathLike | Mapping):
         rule, remedy = "it is a name, a path or a dict", "e.g. double_rock"
         raise InputError(Problem("vsr.run", "site", f"{site!r:.60}", rule, remedy))
@@ -131,6 +131,10 @@ def run(
     return xarray.load_dataset(made)
 
 
+_json = partial(json.dumps, ensure_ascii=False)
+"""As YAML has it, too: of a pair of escapes for one letter that would make two."""
+
+
 def _written(folder: Path, name: str, site: Settings) -> Path:
     """A site's content as a file in JSON, which is YAML, too; never over one by another hand."""
     path = folder / f"{name}.yaml"
@@ -145,7 +149,7 @@ def _written(folder: Path, name: str, site: Settings) -> Path:
 
     def write(part: Path) -> None:
         part.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(json.dumps(site, indent=1), encoding="utf-8")
+        part.write_text(_json(site, indent=1), encoding="utf-8", errors="backslashreplace")
 
     output.put("vsr.run", path, write)
     return path
@@ -155,7 +159,7 @@ def _is_of_content(path: Path) -> bool:
     """Whether a file is as the content of a site is written here."""
     try:
         text = content(path).decode()
-        return text == json.dumps(json.loads(text), indent=1)
+        return text == _json(json.loads(text), indent=1)
     except (InputError, ValueError, RecursionError):
         return False
 

@@ -38,9 +38,15 @@ def test_a_report_gives_the_fragility_it_shows() -> None:
 
 
 def test_a_scan_is_found_from_the_working_folder() -> None:
-    trimesh.creation.box((0.5, 0.6, 1.5)).subdivide().export("rock.ply")
-    found = vsr.responses(vsr.mesh("rock.ply", 2500.0), PULSES, name="scan", **QUICK)
+    Path("𐀀 rock").mkdir()  # a letter of four bytes
+    trimesh.creation.box((0.5, 0.6, 1.5)).subdivide().export("𐀀 rock/é.ply")
+    found = vsr.responses(vsr.mesh("𐀀 rock/é.ply", 2500.0), PULSES, name="scan", **QUICK)
     assert found["overturned"].values.ravel().tolist() == [0, 1]
+
+
+def test_a_name_that_is_no_text_is_refused() -> None:
+    with pytest.raises(vsr.InputError, match="not in UTF-8"):
+        vsr.responses(vsr.mesh("\udcff.ply", 2500.0), PULSES, **QUICK)
 
 
 def test_what_has_no_dataset_is_refused_before_any_work() -> None:

@@ -23,6 +23,16 @@ _WITH_UNIT = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
 _DIGIT = re.compile(r"\d")
 
 
+def _apart_by_blanks(line: str) -> list[str]:
+    """Names with their units, where each has one of its own or none.
+
+    >>> _apart_by_blanks("t [s]  a (m/s2)"), _apart_by_blanks("t [s] [m/s2]")
+    (['t [s]', 'a (m/s2)'], ['t', '[s]', '[m/s2]'])
+    """
+    plain, found = line.split(), _WITH_UNIT.findall(line)
+    return found if "".join("".join(found).split()) == "".join(plain) else plain
+
+
 class Column(NamedTuple):
     """Values of shape (n,), nan where one is missing; no unit where none is stated."""
 
@@ -97,7 +107,7 @@ def of_text(text: str) -> list[Column]:
     if not lines:
         return []
     separator = next((mark for mark in ",;\t" if mark in lines[0]), None)
-    words = lines[0].split(separator) if separator else _WITH_UNIT.findall(lines[0])
+    words = lines[0].split(separator) if separator else _apart_by_blanks(lines[0])
     names = [_name(word) for word in words]
     check_size(len(lines))
     flat = array("d")

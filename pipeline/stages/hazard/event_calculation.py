@@ -1,9 +1,9 @@
 """Stochastic event sets as OpenQuake stores them, in its ``calc_N.hdf5``.
 
 ``events`` has the rupture, realization and year of each event; ``gmf_data`` PGA [g] and PGV [cm/s]
-by number of the event; ``ruptures`` magnitudes, and ``rupgeoms`` their surfaces: the number of
-surfaces, two sizes of each, and longitudes, latitudes and depths of its points, by rows from
-the top.
+by number of the event, in older versions as ``gmv_0`` and so on, in the order of ``imts``;
+``ruptures`` magnitudes, and ``rupgeoms`` their surfaces: the number of surfaces, two sizes of each,
+and longitudes, latitudes and depths of its points, by rows from the top.
 """
 
 from __future__ import annotations
@@ -91,11 +91,14 @@ def _whole(numbers: Array) -> Array:
 
 def _shaken(file: Any) -> dict[str, Any]:
     shaken = file["gmf_data"]
-    found = {
-        "event_id": _whole(content(shaken["eid"], _MOST)),
-        "gmv_PGA": content(shaken["PGA"], _MOST),
-    }
-    return found | ({"gmv_PGV": content(shaken["PGV"], _MOST)} if "PGV" in shaken else {})
+    measures = str(shaken.attrs.get("imts", "")).split()
+    found = {"event_id": _whole(content(shaken["eid"], _MOST))}
+    for name in ("PGA", "PGV"):
+        older = f"gmv_{measures.index(name)}" if name in measures else name
+        own = name if name in shaken else older
+        if name == "PGA" or own in shaken:
+            found[f"gmv_{name}"] = content(shaken[own], _MOST)
+    return found
 
 
 def _ruptures(file: Any) -> dict[str, Any]:

@@ -23,6 +23,9 @@ _HEAP = b"GCOL\1\0\0\0"
 _OBJECT = struct.Struct("<H6xQ")
 """Number and length of an object."""
 
+_STORED_TEXT = 16
+"""Bytes of a text of no fixed length where it is used: its length, and its place in a heap."""
+
 _PACKED = 1100
 """Bytes that one byte of a compressed file can stand for, at most."""
 
@@ -77,13 +80,13 @@ def content(data: Any, most: int) -> Any:
 def _lengths(file: Any, data: Any) -> Iterator[int]:
     """Sums of the lengths that values of no fixed length say they have, where they are stored."""
     kind = data.get_type()
-    places = list(_places(kind, 0))
+    places, row = list(_places(kind, 0)), kind.get_size() + _longer(kind)
     if not places or data.get_create_plist().get_nfilters():
         return
     for start, size in _blocks(data):
         file.seek(start)
         held = np.frombuffer(file.read(size), np.uint8)
-        rows = held[: held.size - held.size % kind.get_size()].reshape(-1, kind.get_size())
+        rows = held[: held.size - held.size % row].reshape(-1, row)
         for at in places:
             yield rows[:, at : at + 4].copy().view("<u4").sum(dtype=np.int64)
 
@@ -104,8 +107,24 @@ def _places(kind: Any, at: int) -> Iterator[int]:
 
     if kind.get_class() == h5t.COMPOUND:
         for member in range(kind.get_nmembers()):
-            yield from _places(kind.get_member_type(member), at + kind.get_member_offset(member))
-    elif kind.get_class() == h5t.VLEN or (
-        kind.get_class() == h5t.STRING and kind.is_variable_str()
-    ):
+            one = kind.get_member_type(member)
+            yield from _places(one, at + kind.get_member_offset(member))
+            at += _longer(one)
+    elif kind.get_class() == h5t.VLEN or _is_text(kind):
         yield at
+
+
+def _longer(kind: Any) -> int:
+    """Bytes by which a value is longer in a file than in memory, where a text is a pointer."""
+    from h5py import h5t
+
+    if kind.get_class() == h5t.COMPOUND:
+        return sum(_longer(kind.get_member_type(n)) for n in range(kind.get_nmembers()))
+    return _STORED_TEXT - kind.get_size() if _is_text(kind) else 0
+
+
+def _is_text(kind: Any) -> bool:
+    """Whether it is a text of no fixed length."""
+    from h5py import h5t
+
+    return bool(kind.get_class() == h5t.STRING and kind.is_variable_str())

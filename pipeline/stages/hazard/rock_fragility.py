@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -56,11 +57,12 @@ class RockFragility:
     others_by_yaw: dict[float, tuple[RowFragility, ...]] = field(default_factory=dict)
 
     def towards(self, yaw: float) -> RockFragility:
-        """The same in one direction [degree] alone, where that is known."""
-        if yaw not in self.by_yaw:
+        """The same in one direction [degree] alone, where that is known; 270 is -90."""
+        same = [one for one in self.by_yaw if math.isclose((one - yaw + 180.0) % 360.0, 180.0)]
+        if not same:
             return self
-        others = self.others_by_yaw.get(yaw, self.others)
-        return replace(self, mean=self.by_yaw[yaw], others=others)
+        others = self.others_by_yaw.get(same[0], self.others)
+        return replace(self, mean=self.by_yaw[same[0]], others=others)
 
 
 def of_fits(fits: Fits) -> RockFragility:

@@ -280,6 +280,10 @@ def _changes(
         for word, (yaw, _) in (("most", ordered[0]), ("least", ordered[-1])):
             name = f"direction: all shaking at yaw {yaw:g}°, the {word} fragile"
             earlier = tuple((one.towards(yaw), until) for one, until in first.earlier)
+            if any(
+                one is whole for (one, _), (whole, _) in zip(earlier, first.earlier, strict=True)
+            ):
+                name += "; earlier stages that were not shaken in it, in all of their own"
             own = replace(first, fragility=first.fragility.towards(yaw), earlier=earlier)
             yield name, analysis.with_first(own)
     factor = LARGEST_TO_AVERAGE

@@ -166,7 +166,8 @@ OF_EVENTS = EventSet(400.0, ruptures=40).write_calculation
         (written, curve_folder.load, "oqparam", 0),
         (OF_EVENTS, lambda path: event_files.load(path, None), "oqparam", 0),
         (OF_EVENTS, of_events, "rupgeoms", 16),
-        (OF_EVENTS, of_events, "full_lt/sm_data", 4),
+        (OF_EVENTS, of_events, "full_lt/sm_data", 20),
+        (OF_EVENTS, of_events, "full_lt/sm_data", 40),
     ],
 )
 def test_no_room_is_made_for_what_is_longer_than_its_file(
@@ -179,8 +180,12 @@ def test_no_room_is_made_for_what_is_longer_than_its_file(
     path = write(tmp_path / "calc_7.hdf5")
     with h5py.File(path, "r+") as file:
         if name.endswith("sm_data"):  # as the latest versions write them
-            kind = np.dtype([("ordinal", "<u4"), ("path", h5py.string_dtype())])
-            put(file, name, np.array([(0, "only")], kind))
+            text = h5py.string_dtype()
+            members = [("name", text), ("weight", "<f4"), ("path", text), ("samples", "<u4")]
+            put(file, name, np.array([("one", 0.3, "b", 1), ("two", 0.7, "c", 1)], members))
+            del file["full_lt/gsim_lt"]  # of two models of sources, each with all of these
+            branches = np.array([(b"d", b"only"), (b"e", b"only")], [("branch", "S9"), ("x", "S9")])
+            file["full_lt/gsim_lt"] = branches[:1]
         stored = file[name].id
         chunk = stored.get_chunk_info(0) if file[name].chunks else None
         offset = chunk.byte_offset if chunk else stored.get_offset()

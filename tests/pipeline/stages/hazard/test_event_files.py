@@ -391,6 +391,20 @@ def test_numbers_that_are_not_stored_are_not_read(tmp_path: Path, name: str) -> 
         event_files.load(path, None)
 
 
+def test_older_versions_number_their_measures(tmp_path: Path) -> None:
+    """As OpenQuake 3.20 has them, here with PGV before PGA."""
+    path = EventSet(400.0, ruptures=40).write_calculation(tmp_path / "calc_7.hdf5")
+    new = event_files.load(path, None).events
+    with h5py.File(path, "r+") as file:
+        shaken = file["gmf_data"]
+        shaken.attrs["imts"] = "SA(0.2) PGV PGA"
+        shaken.move("PGV", "gmv_1")
+        shaken.move("PGA", "gmv_2")
+    old = event_files.load(path, None).events
+    assert by_number(old) == by_number(new)
+    assert old.pgv is not None
+
+
 def test_a_surface_is_not_counted_from_the_end(tmp_path: Path) -> None:
     path = EventSet(400.0, ruptures=40).write_calculation(tmp_path / "calc_7.hdf5")
     with h5py.File(path, "r+") as file:

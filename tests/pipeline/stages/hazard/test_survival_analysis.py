@@ -210,10 +210,15 @@ def test_draws_of_one_direction_go_on_by_its_own_fit() -> None:
         {"searched_from_g": 0.5, "searched_to_g": 1.0},
     )
     rock, levels = of_members(data), np.array([1.0, 2.0, 4.0])
-    for yaw, median in ((0.0, 2.0), (90.0, 8.0)):
-        (draw,) = rock.others_by_yaw[yaw]
+    for yaw, median in ((0.0, 2.0), (90.0, 8.0), (-270.0, 8.0)):
+        (draw,) = rock.towards(yaw).others
         stands = norm.sf(2.0 * np.log(levels / median))
         np.testing.assert_allclose(draw(GRAVITY * levels)[0], 1.0 - stands / stands[0])
+
+
+def test_a_direction_of_which_nothing_is_known_is_all_of_them() -> None:
+    rock = ensemble([0.5])
+    assert rock.towards(45.0) is rock
 
 
 def test_a_member_falls_from_its_boundary_on_also_between_the_cells() -> None:
