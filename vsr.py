@@ -103,7 +103,7 @@ def run(
     if product in WITHOUT_DATASET:
         rule, remedy = "it has no dataset", f"use the command vsr run {product}"
         raise InputError(Problem("vsr.run", "", product, rule, remedy))
-    folder = Path(derived or working_folder() / "data" / "derived").expanduser()
+    folder = Path(os.path.expanduser(derived or working_folder() / "data" / "derived"))  # noqa: PTH111 (never fails)
     settings: list[str] = []
     for layer in (*layers, keys):
         if not isinstance(layer, Mapping):

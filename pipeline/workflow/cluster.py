@@ -18,9 +18,10 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import yaml
+
 from pipeline.config.outside import check_regular, text
 from pipeline.config.problems import InputError, Problem
-from pipeline.config.yaml_text import parse
 from pipeline.workflow.dispatch import Dispatch
 from pipeline.workflow.workers import BATCHES_IN_FLIGHT, Batch, Done
 from vsr_core.errors import InvalidInput
@@ -263,12 +264,14 @@ def check_settings() -> None:
     given = os.environ.get("NUMBA_DISABLE_JIT", "")
     if given.strip("0 "):
         raise InputError(Problem("NUMBA_DISABLE_JIT", "", given, "runs are compiled", "unset it"))
-    own = Path(".numba_config.yaml")
-    found: dict[object, object] = {}
-    with suppress(ValueError, TypeError):  # Numba leaves out what is no YAML
-        found = dict(parse(text(own)) or {}) if own.is_file() else {}
-    named = {str(key).upper(): str(value).strip() for key, value in found.items()}
-    if named.get("DISABLE_JIT", "").isdecimal() and int(named["DISABLE_JIT"]):
+    own, named = Path(".numba_config.yaml"), dict[str, Any]()
+    with suppress(ValueError, TypeError, AttributeError):  # Numba leaves out what is no YAML
+        found = yaml.safe_load(text(own)) if own.is_file() else {}
+        named = {str(key).upper(): value for key, value in found.items()}
+    off = False
+    with suppress(ValueError, TypeError):  # as Numba reads it: true and 1.0 are 1
+        off = bool(int(named.get("DISABLE_JIT", 0)))
+    if off:
         given, rule, remedy = "that it is on", "runs are compiled", "leave it out"
         raise InputError(Problem(str(own), "disable_jit", given, rule, remedy))
     named_in = {"DASK_CONFIG", "DASK_ROOT_CONFIG"} & os.environ.keys()

@@ -21,6 +21,7 @@ from xarray.backends import BackendArray, NetCDF4DataStore
 from xarray.backends.common import ArrayWriter
 from xarray.core import indexing
 
+from pipeline.config.motion_schema import is_along_x
 from pipeline.config.yaml_text import parse
 from pipeline.workflow.keys import installed_version
 from pipeline.workflow.stage import Work
@@ -52,6 +53,12 @@ IN_G = "g is standard gravity, 9.80665 m s-2; UDUNITS would read gram"
 
 _ENGINES = {"bullet": "PyBullet", "mujoco": "MuJoCo", "nonsmooth": "numba"}
 """Libraries of the engines."""
+
+
+def is_shaken_along_x(data: xr.Dataset) -> bool:
+    """Whether the motions of the settings that a dataset was made with are along x alone."""
+    motion = json.loads(data.attrs.get("vsr_config_json", "{}")).get("motion")
+    return motion is None or is_along_x(motion)
 
 
 @cache

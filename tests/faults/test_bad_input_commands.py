@@ -248,11 +248,12 @@ def test_runs_without_compilation(refused: Refused, monkeypatch: pytest.MonkeyPa
     refused("run", "rock", *SITE, words=("NUMBA_DISABLE_JIT: got 1", "unset it"))
 
 
+@pytest.mark.parametrize("text", ["DISABLE_JIT: 1\n", "disable_jit: true\n"])
 def test_numbas_own_file_that_has_no_compilation(
-    refused: Refused, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    refused: Refused, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, text: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / ".numba_config.yaml").write_text("DISABLE_JIT: 1\n")
+    (tmp_path / ".numba_config.yaml").write_text(text)
     refused("run", "rock", *SITE, words=(".numba_config.yaml: disable_jit", "leave it out"))
 
 

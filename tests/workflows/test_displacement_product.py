@@ -331,13 +331,19 @@ def test_a_system_holds_where_its_metres_are_metres(
     assert ("in which a metre on the ground at" in capsys.readouterr().err) == bool(north)
 
 
-def test_a_system_may_have_a_meridian_of_its_own(folder: Path) -> None:
-    """Austria's of Ferro, on its central meridian, where its scale is 1."""
+@pytest.mark.parametrize(
+    ("crs", "east", "north"),
+    [("EPSG:31281", 0.0, 5_230_000.0), ("EPSG:27572", 653_000.0, 2_626_000.0)],
+)
+def test_a_system_may_have_a_meridian_and_an_angle_of_its_own(
+    folder: Path, crs: str, east: float, north: float
+) -> None:
+    """Austria's of Ferro, on its central meridian; and at Lille France's in grads, 0.2 % off."""
     pytest.importorskip("pyproj", reason="needs the extra gis")
     x, y, z = read(folder / "terrain.nc").attrs["origin_in_scan"].tolist()
     line = ["run", "geodata", "--site", str(folder.parents[1] / "hill.yaml"), "--workers", "0"]
-    line += ["--set", "georeference.crs=EPSG:31281"]
-    line += ["--set", f"georeference.origin={[0.0 - x, 5_230_000.0 - y, 700.0 - z]}"]
+    line += ["--set", f"georeference.crs={crs}"]
+    line += ["--set", f"georeference.origin={[east - x, north - y, 700.0 - z]}"]
     assert cli.main([*line, "--derived", str(folder.parent)]) == cli.DONE
 
 

@@ -752,6 +752,11 @@ def test_curves_and_age_have_to_be_given(
     site = write_site(BOX + GRID)
     refused("run", "hazard", "--site", site, words=("hazard.curves", "CURVES="))
     refused("run", "hazard", "--site", site, "--curves", CURVES, words=("hazard.age", "AGE="))
+    for pulses in ("{axis: x, pga_ratio: 2}", "{axis: z}", "{axis: x, pgv_pga: 0.2}, {axis: z}"):
+        table = f"motion={{kind: table, pulses: [{pulses}], pga: [0.5], pgv_pga: [0.2]}}"
+        given = ("--curves", CURVES, "--age", 5000, "--set", table)
+        words = ("motion.pulses", "the larger horizontal component")
+        refused("run", "hazard", "--site", site, *given, words=words)
     wrong = ("--curves", CURVES, "--age", -5)
     refused("run", "hazard", "--site", site, *wrong, words=("hazard.age.mean", "-5"))
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pipeline.config.motion_schema import MotionConfig
+from pipeline.config.motion_schema import MotionConfig, is_along_x
 from pipeline.config.scene_schema import ObservedBoulder as BoulderConfig
 from pipeline.config.simulation_schema import SimulationConfig
 from pipeline.drawing import style
@@ -89,6 +89,7 @@ def make(
         numerics={
             "time_steps": time_steps(time_step.data),
             "simulation": simulation,
+            "along_x": is_along_x(motion.model_dump()),
             "records": motion.kind == "record",
             "tables": motion.kind == "table",
         },

@@ -108,7 +108,8 @@ def _where(site: Origin, crs: str, origin: Array) -> str:
         key = "georeference.origin"
         raise InputError(Problem(site.file_of(key), key, f"a rock {where}", rule, remedy))
     own = Transformer.from_crs(system, system.geodetic_crs, always_xy=True)  # whose meridian is 0
-    scales = Proj(system).get_factors(*own.transform(*origin[:2]))
+    unit = system.geodetic_crs.axis_info[0].unit_conversion_factor  # not always a degree
+    scales = Proj(system).get_factors(*np.degrees(unit * np.array(own.transform(*origin[:2]))))
     metre = max((scales.meridional_scale, scales.parallel_scale), key=lambda one: abs(one - 1.0))
     if not abs(metre - 1.0) <= STRETCH:
         key, given = (

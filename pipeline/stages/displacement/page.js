@@ -91,7 +91,7 @@ function write(pose, camera) {
     setAll(byId("xyz"[k]), { x2: 34 * x, y2: 34 * y });
     setAll(byId("xyz"[k]).nextElementSibling, { transform: end, opacity: Math.hypot(x, y) > 0.4 ? 1 : 0 });
   });
-  if (state.run === null) return;
+  if (state.run === null || !data.along_x) return;
   const yaw = runs[state.run].yaw * Math.PI / 180;
   const [x, y] = flat([Math.cos(yaw), -Math.sin(yaw), 0]).map((value) => 30 * value);
   setAll(byId("shaking"), { x1: -x, y1: -y, x2: x, y2: y });
@@ -183,6 +183,8 @@ function begin() {
   runs.forEach((run, k) => byId("run").add(new Option(`${k + 1}: ${nameOf(run)}, ${run.movement}, ${run.stop}`, k)));
   if (!runs.length) {
     byId("run").add(new Option("no run left the seat"));
+  }
+  if (!runs.length || !data.along_x) {
     byId("shaking").remove();
     byId("along").remove();
   }

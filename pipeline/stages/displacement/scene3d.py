@@ -14,6 +14,7 @@ from pipeline.drawing.view import contour_step, reach
 from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, left_seat
 from pipeline.stages.datasets.stored_runs import in_words, ways
 from pipeline.stages.displacement.timelapse import SPEEDS
+from pipeline.workflow.datasets import is_shaken_along_x
 from pipeline.workflow.pages import filled
 from pipeline.workflow.pages import source as text_of
 from vsr_core.arrays import Array, Indices
@@ -75,6 +76,7 @@ def page(
         "samples": samples,
         "view": {"azimuth": azimuth, "elevation": elevation},
         "contour": contour,
+        "along_x": is_shaken_along_x(displacement),
         "colours": np.array(SPEEDS(np.linspace(0.0, 1.0, 5)))[:, :3].round(4).tolist(),
     }
     scripts = [text_of(name) for name in SCRIPTS]

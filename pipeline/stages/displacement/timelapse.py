@@ -22,6 +22,7 @@ from pipeline.drawing.painting import Backdrop, backdrop, painted, smaller
 from pipeline.drawing.rendering import clearest, in_sight, thinned
 from pipeline.drawing.view import View, axes_of, contour_step, fitted, reach, round_number
 from pipeline.stages.datasets.displaced_runs import STOPS, chosen
+from pipeline.workflow.datasets import is_shaken_along_x
 from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import StopReason
 
@@ -91,7 +92,8 @@ def timelapse(
     legend.set(xlim=(0, WIDTH), ylim=(0, LEGEND))
     legend.set_axis_off()
     _words(legend, displacement.isel(run=run), scene, source)
-    _compass(legend, view, math.radians(float(displacement["yaw"][run])))
+    yaw = math.radians(float(displacement["yaw"][run]))
+    _compass(legend, view, yaw if is_shaken_along_x(displacement) else None)
     _scale_bar(legend, view)
     _speed_bar(figure, scale)
     return figure
@@ -205,13 +207,15 @@ def _words(axes: Axes, run: xr.Dataset, scene: _Scene, source: str) -> None:
         axes.text(30, 106 - 28 * line, text, color=colour, va="center")
 
 
-def _compass(axes: Axes, view: View, yaw: float) -> None:
-    """Axes of the site and the line of the shaking, as the picture shows them."""
+def _compass(axes: Axes, view: View, yaw: float | None) -> None:
+    """Axes of the site and the line of the shaking, if it has one, as the picture shows them."""
     middle, size = np.array([1020.0, 76.0]), 56.0
     turn = np.linspace(0.0, 2.0 * math.pi, 73)
     level = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=-1)
     axes.fill(*(middle + size * level @ view.axes[:2].T).T, fc="#f0eeea", ec=style.FAINT, lw=0.6)
     style.directions(axes, view.axes[:2].T, middle, size, 14.0, _SOFT)
+    if yaw is None:
+        return
     along = size * view.axes[:2] @ np.array([math.cos(yaw), -math.sin(yaw), 0.0])
     arrow = {**style.BOTH_WAYS, "color": style.OVERTURNED, "lw": 1.8}
     axes.annotate("", middle + along, middle - along, arrowprops=arrow, gid="shaking")

@@ -20,6 +20,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from pipeline.drawing import style
 from pipeline.drawing.ground_map import Window, around, draw, relief
 from pipeline.stages.datasets.displaced_runs import STOPS, chosen, ends, left_seat
+from pipeline.workflow.datasets import is_shaken_along_x
 from pipeline.workflow.grammar import counted
 from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import Movement, StopReason
@@ -74,7 +75,7 @@ def trajectories(displacement: xr.Dataset, terrain: xr.Dataset, source: str) -> 
         _start(axes, 6.0 if axes is large else 3.5)
         axes.set_title(title)
         axes.tick_params(labelleft=axes is large, labelbottom=axes is large)
-    _shaking(large, np.unique(displacement["yaw"].values), window)
+    _shaking(large, displacement, window)
     large.set(xlabel="x [m]", ylabel="y [m]")
     scale = ScalarMappable(speed, SPEEDS)
     figure.colorbar(scale, cax=bar, orientation="horizontal", label="speed [m/s]")
@@ -105,7 +106,7 @@ def end_positions(displacement: xr.Dataset, terrain: xr.Dataset, source: str) ->
             dots |= {"c": colours[runs].tolist(), "gid": reason.name.lower()}
             axes.scatter(*places[runs].T, marker=marker, **dots)
     _start(axes, label="start")
-    _shaking(axes, np.unique(displacement["yaw"].values), window)
+    _shaking(axes, displacement, window)
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.set_title(f"end positions, {counted(displacement.sizes['run'], 'run')}")
     _key_to_ends(axes, movement, stop)
@@ -200,11 +201,13 @@ def _start(axes: Axes, size: float = 6.0, **given: Any) -> None:
     axes.plot(0.0, 0.0, "o", ms=size, **look, **given)
 
 
-def _shaking(axes: Axes, yaws: Array, window: Window) -> None:
-    """Arrows of the shaking, to and fro, in the upper left corner."""
+def _shaking(axes: Axes, displacement: xr.Dataset, window: Window) -> None:
+    """Arrows of the shaking, to and fro, in the upper left corner; none along several axes."""
+    if not is_shaken_along_x(displacement):
+        return
     unit = 0.06 * min(window.size)
     middle = np.array([window.x[0] + 1.5 * unit, window.y[1] - 1.5 * unit])
-    for yaw in np.radians(yaws):
+    for yaw in np.radians(np.unique(displacement["yaw"].values)):
         half = unit * np.array([np.cos(yaw), -np.sin(yaw)])
         arrow = {**style.BOTH_WAYS, "color": style.INK, "lw": 1.4}
         tips = tuple(middle + half), tuple(middle - half)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from typing import Any
 
@@ -15,7 +14,6 @@ from matplotlib.patheffects import withStroke
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 
-from pipeline.config.motion_schema import is_along_x
 from pipeline.drawing import style
 from pipeline.stages.fragility.summary import (
     SEARCHED,
@@ -24,7 +22,7 @@ from pipeline.stages.fragility.summary import (
     typical_pga,
     undecided,
 )
-from pipeline.workflow.datasets import label, rows_of
+from pipeline.workflow.datasets import is_shaken_along_x, label, rows_of
 from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import DecidedBy, Movement, Outcome
 
@@ -302,7 +300,7 @@ def _first(axes: PolarAxes, fragility: xr.Dataset, rock: xr.Dataset) -> None:
     first, lower, upper = typical_pga(fragility)
     around = np.arange(361.0)
     static = static_pga(rock, around)
-    along_x = is_along_x(json.loads(fragility.attrs["vsr_config_json"])["motion"])
+    along_x = is_shaken_along_x(fragility)
     inner = [min(static.max(), grid[-1])] if along_x else []
     rim = 1.15 * max([*upper[np.isfinite(upper)], *inner, grid[0]])
     axes.set_ylim(0.0, rim)

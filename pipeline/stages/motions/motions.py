@@ -48,6 +48,11 @@ def make(work: Work, motion: MotionConfig, files: MotionFiles | None) -> Product
         axes = table_motions.named(motion.pulses)
         dataset.attrs["axes"] = axes
         summary += f" of {axes}"
+        own = (one.pgv_pga for one in motion.pulses if one.pgv_pga is not None)
+        longest = max((SHAPES["cosine_pulse"](1.0, one).duration for one in own), default=0.0)
+        dataset["duration"] = np.maximum(dataset["duration"], longest)
+        for name in ("frequency", "amplitude", "pgv"):
+            dataset[name].attrs["comment"] = "of an axis with pga_ratio 1 and the grid's PGV/PGA"
     else:
         assert files is not None
         if files.tables is not None:

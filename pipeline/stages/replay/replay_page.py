@@ -164,16 +164,16 @@ def _slug(runs: list[Played], shaking: Shaking) -> str:
     """File name of a page, without its suffix; another one for each choice."""
     first, *rest = (run.choice for run in runs)
     dimension = shaking.dimension.replace("_", " ")
-    name = f"yaw {first.group.yaw:g} friction {first.group.friction:g} "
-    name += f"{dimension} {_row(first.cell.row, shaking)} pga {first.cell.pga:.6g}"
+    name = f"yaw {first.group.yaw:.12g} friction {first.group.friction:.12g} "
+    name += f"{dimension} {_row(first.cell.row, shaking)} pga {first.cell.pga:.12g}"
     for choice in rest:
         name += " and" + f" {choice.engine}" * (choice.engine != first.engine)
         if choice.group != first.group:
-            name += f" yaw {choice.group.yaw:g} friction {choice.group.friction:g}"
+            name += f" yaw {choice.group.yaw:.12g} friction {choice.group.friction:.12g}"
         if choice.cell.row != first.cell.row:
             name += f" {dimension} {_row(choice.cell.row, shaking)}"
         if choice.cell.pga != first.cell.pga:
-            name += f" pga {choice.cell.pga:.6g}"
+            name += f" pga {choice.cell.pga:.12g}"
     slug = re.sub(r"[^A-Za-z0-9._]+", "-", name).strip("-.")
     if len(slug) <= LONGEST_NAME and slug.replace("-", " ") == name:
         return slug
@@ -182,4 +182,4 @@ def _slug(runs: list[Played], shaking: Shaking) -> str:
 
 def _row(row: int, shaking: Shaking) -> str:
     value = shaking.rows[row]
-    return value if isinstance(value, str) else f"{value:.6g}"
+    return value if isinstance(value, str) else f"{value:.12g}"

@@ -178,7 +178,7 @@ def _write(folder: Path, table: Table, ratio: float, pga: float) -> None:
     frame = pd.DataFrame({"time_s": sent.time, "velocity_m_per_s": sent.velocity})
     if sent.steps is not None:
         frame["motor_step"] = sent.steps
-    file = folder / f"pgv_pga_{ratio:.9g}_pga_{pga:.9g}.csv"
+    file = folder / f"pgv_pga_{ratio:.12g}_pga_{pga:.12g}.csv"
     frame.to_csv(file, index=False, lineterminator="\r\n")
 
 

@@ -236,6 +236,9 @@ def test_miniseed_and_sac_by_obspy(tmp_path: Path) -> None:
         stream.write(str(path), format=form)
         found = read(path.read_bytes(), suffix, Reading(unit="gal"))
         np.testing.assert_allclose(found.acceleration, VALUES, rtol=digits, atol=1e-7)
+        unnumbered = b" " * 6 + path.read_bytes()[6:] if form == "MSEED" else path.read_bytes()
+        again = read(unnumbered, suffix, Reading(unit="gal"))
+        np.testing.assert_array_equal(again.acceleration, found.acceleration)
         refusal(lambda p=path, s=suffix: read(p.read_bytes(), s, PLAIN), "without a unit")
 
 

@@ -17,8 +17,8 @@ _VERTICAL = re.compile(r"(?i:UP|DOWN|DN|DWN|VERT\w*|UD[12]?)|[A-Z]{2}Z")
 
 _DOWN = re.compile(r"(?i:DOWN|DN|DWN)")
 
-_SIDE = re.compile("(?:[A-Z]{2})?([EN])|(?=EW|NS)([EN])[WS][12]?")
-"""Names of channels to the east and to the north: SEED's, and those of K-NET and KiK-net."""
+_SIDE = re.compile("(?:[A-Z]{2})?([EN])|(?=EW|NS)([EN])[WS][12]?|([WS])")
+"""Names of channels to a side: SEED's, those of K-NET and KiK-net, and W and S alone."""
 
 _NUMBERED = re.compile("(?:[A-Z]{2})?([12])")
 """Names of two horizontal channels of which the code does not say where they point (SEED)."""
@@ -140,11 +140,11 @@ def _azimuth(channel: str, *, numbered: bool = False) -> int | None:
     ----------
     numbered : whether a number of less than three digits is none of degrees, as of a table's column
 
-    >>> [_azimuth(name) for name in ("047", "HNE", "NS2", "H1", "DWN", "401")]
-    [47, 90, 0, None, None, None]
+    >>> [_azimuth(name) for name in ("047", "HNE", "NS2", "W", "H1", "DWN", "401")]
+    [47, 90, 0, 270, None, None, None]
     """
     if channel.isdecimal():
         told = len(channel) == len("000") or not numbered
         return int(channel) if told and int(channel) <= 360 else None
     side = None if _VERTICAL.fullmatch(channel) else _SIDE.fullmatch(channel)
-    return {"E": 90, "N": 0}[side.group(1) or side.group(2)] if side else None
+    return {"E": 90, "N": 0, "W": 270, "S": 180}[side[side.lastindex or 1]] if side else None

@@ -325,9 +325,13 @@ def _text(content: bytes) -> str:
         return content.decode("latin-1").translate(_BREAKS)
 
 
+_MINISEED = re.compile(rb"([0-9]{6}[DRQM]|[ \0]{6}[DRQM][ \0](?=.{0,56}\0))", re.DOTALL)
+"""The begin of a record: its number, or blanks where it has none, and its quality."""
+
+
 def _waveform(content: bytes, suffix: str) -> str | None:
     """ObsPy's name of the format of a file that it reads."""
-    if content[:6].isdigit() and content[6:7] in (b"D", b"R", b"Q", b"M"):
+    if _MINISEED.match(content):
         return "MSEED"
     if content.startswith(b"Origin Time"):
         return "KNET"

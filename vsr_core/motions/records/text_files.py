@@ -207,7 +207,9 @@ def _series(title: str, lines: Iterator[str]) -> Record | None:
     above = _UNIT_ABOVE.search(heading)
     if above and int(above[1]) != code:
         raise _broken(f"has unit {code} in its header, and {above[0]} above its samples")
-    channel = _DIRECTIONS.get(azimuth) or (str(azimuth) if 1 <= azimuth <= 360 else _code(said))
+    code_told = _code(said)
+    level = 1 <= azimuth <= 360 and not re.fullmatch("[A-Z]{2}Z", code_told)
+    channel = _DIRECTIONS.get(azimuth) or (str(azimuth) if level else code_told)
     station = " ".join(header[4].split()) if len(header) > 4 else ""
     source = f"COSMOS file: {title.strip()}"
     stated_peak = float(reals[63]) if len(reals) > 63 else _UNKNOWN
@@ -218,7 +220,7 @@ def _series(title: str, lines: Iterator[str]) -> Record | None:
 
 
 def _code(comments: list[str]) -> str:
-    """SEED's code of a channel whose azimuth is not told: north is 360, and 0 nothing."""
+    """SEED's code of a channel, where its azimuth is not told: north is 360, and 0 nothing."""
     found = filter(None, map(_SCNL.match, comments))
     return next((one[1] for one in found), "unknown")
 

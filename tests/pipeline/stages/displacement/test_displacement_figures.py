@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import itertools
+import json
 import time
 import warnings
 from collections.abc import Iterator
@@ -356,6 +357,13 @@ def test_arrow_of_the_shaking(yaw: float, ground: xr.Dataset) -> None:
     along = np.subtract(arrow.xy, arrow.xyann)
     way = np.array([np.cos(np.radians(yaw)), -np.sin(np.radians(yaw))])
     assert abs(along @ way) == pytest.approx(np.hypot(*along))
+
+
+def test_shaking_along_several_axes_has_no_arrow(ground: xr.Dataset) -> None:
+    motion = {"kind": "record", "files": None, "records": [{"file": "one.mseed"}]}
+    runs = falls(6).assign_attrs(vsr_config_json=json.dumps({"motion": motion}))
+    for figure in (trajectories(runs, ground, SOURCE), end_positions(runs, ground, SOURCE)):
+        assert not artists(figure.axes[0], "shaking")
 
 
 def test_side_view_turns_with_the_site(runs: xr.Dataset) -> None:

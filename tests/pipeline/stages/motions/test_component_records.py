@@ -200,7 +200,14 @@ def test_components_are_of_one_instrument(folder: Path, line: str, words: str) -
 
 @pytest.mark.parametrize(
     ("x", "y", "words"),
-    [("E", "N", ""), ("N", "E", "exchange"), ("000", "090", "exchange"), ("1", "2", "")],
+    [
+        ("E", "N", ""),
+        ("N", "E", "exchange"),
+        ("000", "090", "exchange"),
+        ("1", "2", ""),
+        ("W", "N", "exchange"),
+        ("N", "W", ""),
+    ],
 )
 def test_columns_of_a_table_may_name_directions(folder: Path, x: str, y: str, words: str) -> None:
     rows = "".join(

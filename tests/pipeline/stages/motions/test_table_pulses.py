@@ -105,7 +105,14 @@ def test_a_grid_of_pulses_on_three_axes(site: str, vsr: Callable[..., Ran], deri
             assert float(found["tilt_until_decided"]) == pytest.approx(response.peak_tilt)
     assert {0, 1} <= set(data["overturned"].values.ravel().tolist())
     named = "x, -0.5 z, 0.2 pitch of 0.1 s"
-    assert xr.load_dataset(derived / "rock" / "motions.nc").attrs["axes"] == named
+    motions = xr.load_dataset(derived / "rock" / "motions.nc")
+    assert motions.attrs["axes"] == named
+    np.testing.assert_allclose(motions["duration"], 2.0 * math.pi * np.array([0.15, 0.3]))
+    longer = SHAKEN.replace("0.1}", "0.2}")
+    assert longer != SHAKEN
+    assert vsr("run", "motions", "--site", site, "--set", f"motion.pulses={longer}").code == 0
+    motions = xr.load_dataset(derived / "rock" / "motions.nc")
+    np.testing.assert_allclose(motions["duration"], 2.0 * math.pi * np.array([0.2, 0.3]))
     assert named in " ".join((derived / "rock" / "report.html").read_text().split())
     assert "0 to do" in vsr("plan", "--site", site).out
     changed = SHAKEN.replace("-0.5", "0.5")

@@ -287,13 +287,14 @@ def test_directions_to_both_sides_have_pages_of_their_own() -> None:
         replay_page._slug(
             [SimpleNamespace(choice=SimpleNamespace(
                 group=SimpleNamespace(yaw=yaw, friction=0.6),
-                cell=SimpleNamespace(row=row, pga=0.5), engine="nonsmooth"))],
+                cell=SimpleNamespace(row=row, pga=pga), engine="nonsmooth"))],
             shaking,
         )
         for yaw in (-90.0, 90.0)
         for row in range(3)
+        for pga in (0.3, 0.3000001)
     }  # fmt: skip
-    assert len(names) == 6
+    assert len(names) == 12
 
 
 # ---- In a browser
