@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pipeline.config.motion_schema import MotionConfig, is_along_x
+from pipeline.config.motion_schema import MotionConfig
 from pipeline.config.scene_schema import ObservedBoulder as BoulderConfig
 from pipeline.config.simulation_schema import SimulationConfig
 from pipeline.drawing import style
@@ -39,6 +39,7 @@ from pipeline.stages.displacement.trajectory_maps import end_positions, side_vie
 from pipeline.stages.fragility.summary import time_steps
 from pipeline.stages.mesh.products import RockData, TerrainData
 from pipeline.stages.runs.step_choice import StepData
+from pipeline.workflow.datasets import is_shaken_along_x
 from pipeline.workflow.pages import filled
 from pipeline.workflow.stage import Product, Work
 from pipeline.workflow.writers import Writer, binary, text
@@ -89,7 +90,6 @@ def make(
         numerics={
             "time_steps": time_steps(time_step.data),
             "simulation": simulation,
-            "along_x": is_along_x(motion.model_dump()),
             "records": motion.kind == "record",
             "tables": motion.kind == "table",
         },
@@ -183,6 +183,7 @@ def page(
         "held": terrain.attrs.get("held", ""),
         "answer": _answer(displacement),
         "counts": _counts(displacement),
+        "along_x": is_shaken_along_x(displacement),
         "vertical": vertical.effect(displacement),
         "groups": [_group(name, runs, terrain, source) for name, runs in groups(displacement)],
         "ends": png_uri(end_positions(displacement, terrain, source)),
