@@ -85,7 +85,7 @@ def load(folder: Path) -> HazardModel:
     curves = _curves(folder)
     read = [path for path, _ in curves.values()]
     unused = [
-        f"{path.name} left out, as its name is not one of OpenQuake's"
+        f"{path.name} left out, as its name is of no mean and of no realization"
         for path in sorted(folder.iterdir())
         if _LIKE_ONE.fullmatch(path.name) and path not in read
     ]

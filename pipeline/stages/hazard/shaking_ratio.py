@@ -298,7 +298,7 @@ def _other_wholes(bins: pd.DataFrame) -> Iterator[str]:
         whole = 1.0 - float(np.prod(1.0 - shares))
         if not (1.0 / WHOLE <= whole / poe <= WHOLE or abs(shares.sum() - 1.0) <= SUM):
             said = f"bins of {level:g} g have a probability of {whole:.3g} together"
-            yield f"{said}, and a poe of {poe:.3g}: one of them is wrong, or not of this level"
+            yield f"{said}, and a poe of {poe:.3g}: one is wrong, or bins leave earthquakes out"
 
 
 def _bins(path: Path) -> tuple[list[Bin], list[str]]:
