@@ -265,11 +265,11 @@ def check_settings() -> None:
     if given.strip("0 "):
         raise InputError(Problem("NUMBA_DISABLE_JIT", "", given, "runs are compiled", "unset it"))
     own, named = Path(".numba_config.yaml"), dict[str, Any]()
-    with suppress(ValueError, TypeError, AttributeError):  # Numba leaves out what is no YAML
+    with suppress(Exception):  # Numba leaves out what is no YAML, whatever it raises
         found = yaml.safe_load(text(own)) if own.is_file() else {}
         named = {str(key).upper(): value for key, value in found.items()}
     off = False
-    with suppress(ValueError, TypeError):  # as Numba reads it: true and 1.0 are 1
+    with suppress(Exception):  # and what is no number: true and 1.0 are 1
         off = bool(int(named.get("DISABLE_JIT", 0)))
     if off:
         given, rule, remedy = "that it is on", "runs are compiled", "leave it out"

@@ -257,6 +257,15 @@ def test_numbas_own_file_that_has_no_compilation(
     refused("run", "rock", *SITE, words=(".numba_config.yaml: disable_jit", "leave it out"))
 
 
+@pytest.mark.parametrize("text", ["a: b: c", "disable_jit: .inf", "\t", "[" * 3000, "- 1\n"])
+def test_what_numba_leaves_out_is_left_out(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, text: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".numba_config.yaml").write_text(text)
+    cluster.check_settings()
+
+
 @pytest.mark.parametrize(
     ("error", "words"),
     [
