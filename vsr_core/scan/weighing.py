@@ -14,7 +14,7 @@ from trimesh.proximity import closest_point
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput, InvalidPlace
 from vsr_core.rock.body import convex_hull
-from vsr_core.rock.solid import FARTHEST, LARGEST_LEVELLING
+from vsr_core.rock.solid import FARTHEST, LARGEST_LEVELLING, integrals
 from vsr_core.rock.tipping import settle, tipping
 from vsr_core.rock.triangles import chunks
 from vsr_core.scan.cleaning import whole_metres
@@ -236,9 +236,8 @@ def measured(mesh: trimesh.Trimesh, density: float) -> Measure:
     counts = len(mesh.faces), len(mesh.vertices)
     if (edges(np.asarray(mesh.faces)).count != 2).any():
         return Measure(*counts, False, np.nan, np.nan, *nothing)
-    centre = np.array(mesh.center_mass)
-    volume = float(mesh.volume)
-    inertia = density * np.array(mesh.moment_inertia)
+    volume, centre, own = integrals(mesh)
+    inertia = density * own
     tipping = tipping_angles(np.array(mesh.vertices) - centre)
     return Measure(*counts, True, volume, density * volume, centre, inertia, tipping)
 

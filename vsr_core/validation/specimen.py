@@ -26,6 +26,7 @@ from vsr_core.motions.records.components import ComponentMotion
 from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.outcome import Response
 from vsr_core.rock.body import Rock, convex_hull, drawn_in
+from vsr_core.rock.solid import integrals
 from vsr_core.rock.tipping import settle
 from vsr_core.run.cases import Case, Settings, prepare
 from vsr_core.run.overturning import simulate_all
@@ -131,7 +132,8 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
     for _ in range(TRIES):
         error = member.error * of.spread * random_field(of.vertices, of.length, rng)
         body = trimesh.Trimesh(middle + of.normals * error[:, None], of.faces, process=False)
-        centre = np.array(body.center_mass) + member.centre
+        volume, own, inertia = integrals(body)
+        centre = own + member.centre
         hull = convex_hull(np.array(body.vertices) - centre)
         try:
             turn, _ = settle(hull)
@@ -142,9 +144,9 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
                 turn, _ = settle(hull)
         except InvalidInput:
             continue
-        moments, axes = np.linalg.eigh(density * turn @ np.array(body.moment_inertia) @ turn.T)
+        moments, axes = np.linalg.eigh(density * turn @ inertia @ turn.T)
         axes[:, 0] *= np.sign(np.linalg.det(axes))
-        return Rock("hull", hull.turned(turn).vertices, density * float(body.volume), moments, axes)
+        return Rock("hull", hull.turned(turn).vertices, density * volume, moments, axes)
     given = f"a specimen that does not stand in any of {TRIES} shapes"
     rule = "it stands as scanned, to within the error of the scan"
     raise InvalidInput(given, rule, "turn the scan so that the specimen stands, z up")

@@ -123,6 +123,19 @@ def test_mass_properties_against_tetrahedra() -> None:
         np.testing.assert_allclose(again[1], 0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("away", [(40, 30, 20), (6e5, 2e5, 500), (512345.5, 5123456.25, 1234.5)])
+def test_a_scan_in_coordinates_of_a_map_is_the_same_rock(away: tuple[float, ...]) -> None:
+    """In a grid of a country and in UTM; multiples of a quarter of a metre round nothing off."""
+    mesh = trimesh.creation.box((0.75, 0.5, 1.5))
+    mesh.apply_translation((0.25, 0.5, 0.75))
+    far = mesh.copy()
+    far.vertices = np.array(mesh.vertices) + away
+    here, there = (from_mesh(checked(one)[0], 2000.0) for one in (mesh, far))
+    assert there.volume == pytest.approx(here.volume, rel=1e-9)
+    np.testing.assert_allclose(there.rock.inertia, here.rock.inertia, rtol=1e-8)
+    np.testing.assert_allclose(there.rock.vertices, here.rock.vertices, atol=1e-8)
+
+
 def test_ellipsoids_converge_to_the_closed_form() -> None:
     """The volume and inertia of an inscribed polyhedron converge with the square of its edge."""
     a, b, c = 0.6, 0.8, 0.5
