@@ -205,7 +205,5 @@ def shaking(hazard: xr.Dataset, tested: tuple[float, float]) -> Figure:
     _log_pga(axes, starts[0], edges[-1])
     axes.set_ylabel("PGV/PGA [s]")
     above_all = np.searchsorted(np.cumsum(both.sum(axis=1)), _SHOWN * total) + 1
-    top = borders[min(above_all, len(borders) - 1)]
-    if top > borders[0]:  # records may share a PGV/PGA
-        axes.set_ylim(borders[0], top)
+    axes.set_ylim(borders[0], borders[min(above_all, len(borders) - 1)])
     return figure

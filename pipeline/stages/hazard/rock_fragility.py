@@ -31,6 +31,10 @@ FITTED, DRAWN = "fits", "members"
 """Origin of the range of a survival probability: intervals of fits, or members of an ensemble."""
 
 
+_ALIKE = 1e-6
+"""Difference of ln PGV/PGA up to which rows are one: a record and its mirror image."""
+
+
 @dataclass(frozen=True, eq=False)
 class RockFragility:
     """Probability of toppling of a rock on rows of PGV/PGA.
@@ -64,6 +68,28 @@ class RockFragility:
         others = self.others_by_yaw.get(same[0], self.others)
         return replace(self, mean=self.by_yaw[same[0]], others=others)
 
+    def one_row_each(self) -> RockFragility:
+        """The same with one row for each PGV/PGA: the mean of records that share one."""
+        place = np.append(0, np.cumsum(np.diff(np.log(self.ratios)) > _ALIKE))
+        if place[-1] == len(place) - 1:
+            return self
+
+        def mean(rows: RowFragility) -> RowFragility:
+            def merged(level: Array) -> Array:
+                each = rows(level)
+                return np.array([each[place == n].mean(axis=0) for n in range(place[-1] + 1)])
+
+            return merged
+
+        return replace(
+            self,
+            ratios=self.ratios[np.unique(place, return_index=True)[1]],
+            mean=mean(self.mean),
+            by_yaw={yaw: mean(rows) for yaw, rows in self.by_yaw.items()},
+            others=tuple(map(mean, self.others)),
+            others_by_yaw={yaw: tuple(map(mean, rows)) for yaw, rows in self.others_by_yaw.items()},
+        )
+
 
 def of_fits(fits: Fits) -> RockFragility:
     """Fragility of the fits of a rock."""
@@ -79,7 +105,7 @@ def of_fits(fits: Fits) -> RockFragility:
     ends = np.where(np.isfinite(ends), ends, theta[..., None])
     beta = data["beta"].values
     yaws = data["yaw"].values
-    return RockFragility(
+    found = RockFragility(
         data["pgv_pga"].values,
         lognormal_rows(theta[known], beta[known]),
         {
@@ -93,6 +119,7 @@ def of_fits(fits: Fits) -> RockFragility:
         tuple(data["friction"].values.tolist()),
         rows_of(data) == "record",
     )
+    return found.one_row_each()
 
 
 def of_members(data: xr.Dataset) -> RockFragility:
@@ -120,7 +147,7 @@ def of_members(data: xr.Dataset) -> RockFragility:
 
     every, yaws = slice(None), [(float(yaw), i) for i, yaw in enumerate(data["yaw"].values)]
     members = list(zip(overturned, edges, strict=True))
-    return RockFragility(
+    found = RockFragility(
         data[ratio].values,
         lognormal_rows(theta, beta),
         {yaw: rows_with(overturned[:, i], edges[:, i], slice(i, i + 1)) for yaw, i in yaws},
@@ -134,6 +161,7 @@ def of_members(data: xr.Dataset) -> RockFragility:
             for yaw, i in yaws
         },
     )
+    return found.one_row_each()
 
 
 def of_photograph(rock: Answered) -> RockFragility:

@@ -216,6 +216,32 @@ def test_draws_of_one_direction_go_on_by_its_own_fit() -> None:
         np.testing.assert_allclose(draw(GRAVITY * levels)[0], 1.0 - stands / stands[0])
 
 
+def test_a_record_and_its_mirror_image_are_one_row_whatever_their_names() -> None:
+    """Each stands for half of the shaking of their PGV/PGA, in either order."""
+    levels = GRAVITY * np.array([0.2, 0.5, 1.0])
+    found = []
+    for medians in ([0.4, 0.8, 1.0], [0.8, 0.4, 1.0]):
+        data = xr.Dataset(
+            {
+                "overturned": (
+                    ("member", "yaw", "pgv_pga", "pga"),
+                    np.zeros((1, 1, 3, 2), np.int8),
+                ),
+                "member_boundary": (("member", "yaw", "pgv_pga"), [[medians]]),
+                "theta": (("yaw", "pgv_pga"), [medians]),
+                "beta": (("yaw", "pgv_pga"), np.full((1, 3), 0.5)),
+            },
+            {"yaw": [0.0], "pgv_pga": [0.1, 0.1 * (1 + 1e-12), 0.3], "pga": [0.1, 2.0]},
+            {"searched_from_g": 0.1, "searched_to_g": 2.0},
+        )
+        rock = of_members(data)
+        np.testing.assert_allclose(rock.ratios, [0.1, 0.3])
+        found.append([rows(levels) for rows in (rock.mean, rock.by_yaw[0.0], *rock.others)])
+    chance = [norm.cdf(2.0 * np.log(levels / (GRAVITY * median))) for median in (0.4, 0.8)]
+    np.testing.assert_allclose(found[0][0][0], np.mean(chance, axis=0))
+    np.testing.assert_allclose(found[0], found[1])
+
+
 def test_a_direction_of_which_nothing_is_known_is_all_of_them() -> None:
     rock = ensemble([0.5])
     assert rock.towards(45.0) is rock
