@@ -746,17 +746,44 @@ def test_a_setting_that_a_comparison_cannot_have_is_refused_by_its_name(
     assert "did you mean" not in line
 
 
+ON_TABLE = "kind: table, pga: [0.5], pgv_pga: [0.2]"
+
+
+@pytest.mark.parametrize(
+    "pulses",
+    [
+        *("{axis: x, pga_ratio: 2}", "{axis: z}", "{axis: x}, {axis: x}"),
+        *("{axis: x}, {axis: x, pga_ratio: -1}", "{axis: x}, {axis: x, pgv_pga: 0.1}"),
+    ],
+)
+def test_pulses_whose_pga_is_not_the_grounds_are_refused(
+    refused: Callable[..., str], write_site: Callable[..., str], pulses: str
+) -> None:
+    table = f"motion={{{ON_TABLE}, pulses: [{pulses}]}}"
+    site = write_site(BOX + GRID)
+    given = ("run", "hazard", "--curves", CURVES, "--age", 5000)
+    words = ("motion.pulses", "PGA along x and y", "the larger horizontal component")
+    refused(*given, "--site", site, "--set", table, words=words)
+    compare = f'hazard.compare=[{{name: other, set: ["{table}"]}}]'
+    words = (*words, "hazard.compare: other")
+    refused(*given, "--site", site, "--set", compare, words=words)
+
+
+def test_the_pga_of_a_table_along_x_and_z_is_that_of_x(
+    vsr: Callable[..., Ran], write_site: Callable[..., str]
+) -> None:
+    table = f"motion={{{ON_TABLE}, pulses: [{{axis: x}}, {{axis: z, pga_ratio: 0.7}}]}}"
+    age = "hazard.age={kind: normal, mean: 5000, sd: 0}"
+    given = [word for one in (f"hazard.curves={CURVES}", age, table) for word in ("--set", one)]
+    assert vsr("plan", "hazard", "--site", write_site(BOX + GRID), *given).code == cli.DONE
+
+
 def test_curves_and_age_have_to_be_given(
     refused: Callable[..., str], write_site: Callable[..., str]
 ) -> None:
     site = write_site(BOX + GRID)
     refused("run", "hazard", "--site", site, words=("hazard.curves", "CURVES="))
     refused("run", "hazard", "--site", site, "--curves", CURVES, words=("hazard.age", "AGE="))
-    for pulses in ("{axis: x, pga_ratio: 2}", "{axis: z}", "{axis: x, pgv_pga: 0.2}, {axis: z}"):
-        table = f"motion={{kind: table, pulses: [{pulses}], pga: [0.5], pgv_pga: [0.2]}}"
-        given = ("--curves", CURVES, "--age", 5000, "--set", table)
-        words = ("motion.pulses", "the larger horizontal component")
-        refused("run", "hazard", "--site", site, *given, words=words)
     wrong = ("--curves", CURVES, "--age", -5)
     refused("run", "hazard", "--site", site, *wrong, words=("hazard.age.mean", "-5"))
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from pipeline.config.hazard_schema import Age, BoundedAge, History, LognormalAge, NormalAge
 from pipeline.config.layers import Site
-from pipeline.config.motion_schema import TableMotionConfig
 from pipeline.config.observation_schema import Earthquake, Observations
 from pipeline.config.problems import InputError, Problem
+from pipeline.stages.hazard.ground_pga import check_pga
 from vsr_core.arrays import Array
 from vsr_core.hazard.survival import (
     in_order,
@@ -30,9 +30,9 @@ LEAST_IN_ORDER = 0.1
 def refuse(site: Site) -> None:
     """Refuse stages that contradict each other, and earthquakes before the rock stood so.
 
-    And pulses of a table whose PGA is not that of the ground.
+    And motions of a table whose PGA is not that of the ground.
     """
-    _check_pulses(site)
+    check_pga(site)
     hazard, key = site.config.hazard, "observations"
     if hazard.age and hazard.history:
         _check_order(site)
@@ -53,20 +53,6 @@ def refuse(site: Site) -> None:
     ]
     if problems:
         raise InputError(*problems)
-
-
-def _check_pulses(site: Site) -> None:
-    """The PGA of curves, of events and of records is that of a horizontal component."""
-    motion, key = site.config.motion, "motion.pulses"
-    if not isinstance(motion, TableMotionConfig) or motion.pulses is None:
-        return
-    level = [one for one in motion.pulses if one.axis in ("x", "y")]
-    ratios = [abs(one.pga_ratio) for one in level if one.pgv_pga is None]
-    if max((abs(one.pga_ratio) for one in level), default=0.0) != 1.0 or 1.0 not in ratios:
-        given = "no pulse of the grid's PGA and PGV/PGA as the largest along x and y"
-        rule = "the PGA of a hazard is that of the larger horizontal component"
-        remedy = "set the largest pga_ratio of x and y to 1, with pgv_pga null"
-        raise InputError(Problem(site.file_of(key), key, given, rule, remedy))
 
 
 def _check_order(site: Site) -> None:
