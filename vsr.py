@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -131,8 +132,15 @@ def run(
     return xarray.load_dataset(made)
 
 
-_json = partial(json.dumps, ensure_ascii=False)
-"""As YAML has it, too: of a pair of escapes for one letter that would make two."""
+_ESCAPED = re.compile("[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff\ud800-\udfff]")
+"""What YAML takes for the end of a line, or refuses; of no letter with a pair of escapes in JSON,
+which YAML takes for two."""
+
+
+def _json(value: Any, indent: int | None = None) -> str:
+    """JSON that says the same in YAML."""
+    text = json.dumps(value, indent=indent, ensure_ascii=False)
+    return _ESCAPED.sub(lambda one: f"\\u{ord(one[0]):04x}", text)
 
 
 def _written(folder: Path, name: str, site: Settings) -> Path:
@@ -149,7 +157,7 @@ def _written(folder: Path, name: str, site: Settings) -> Path:
 
     def write(part: Path) -> None:
         part.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(_json(site, indent=1), encoding="utf-8", errors="backslashreplace")
+        part.write_text(_json(site, indent=1), encoding="utf-8")
 
     output.put("vsr.run", path, write)
     return path

@@ -15,6 +15,7 @@ import trimesh
 import xarray as xr
 
 import vsr
+from pipeline.config.yaml_text import parse as load_yaml
 
 BLOCK = vsr.box(0.5, 1.0, 2.0, density=2110)
 PULSES = vsr.pulses([0.3, 0.9], [0.3])
@@ -47,6 +48,13 @@ def test_a_scan_is_found_from_the_working_folder() -> None:
 def test_a_name_that_is_no_text_is_refused() -> None:
     with pytest.raises(vsr.InputError, match="not in UTF-8"):
         vsr.responses(vsr.mesh("\udcff.ply", 2500.0), PULSES, **QUICK)
+
+
+def test_a_text_of_any_letters_arrives_as_it_is(tmp_path: Path) -> None:
+    text = "a\x85b \u2028 \x7f\x9f\ufffe\U00010000é"
+    path = vsr._written(tmp_path, "rock", {"text": text, "lone": "\udcff"})
+    assert load_yaml(path.read_text(encoding="utf-8"))["text"] == text
+    assert vsr._written(tmp_path, "rock", {"text": "another"}) == path
 
 
 def test_what_has_no_dataset_is_refused_before_any_work() -> None:

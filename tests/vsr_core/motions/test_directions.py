@@ -79,6 +79,20 @@ def test_a_header_that_was_not_filled_in_tells_nothing() -> None:
     empty = {"cmpaz": 0.0, "cmpinc": 0.0}
     check_together({"x": sac(1, "HNE", **empty), "y": sac(2, "HNN", **empty)})
     assert "exchange" in refusal(x=sac(1, "HNN", **empty), y=sac(2, "HNE", **empty))
+    whole = by_response(HNE=(0.0, 0.0), HNN=(0.0, 0.0), HNZ=(0.0, 0.0))
+    check_together(
+        {axis: whole.channel(f"HN{name}") for axis, name in zip("xyz", "ENZ", strict=True)}
+    )
+
+
+def test_a_dip_in_the_place_of_an_inclination_is_understood() -> None:
+    """As files have it whose writers took SEED's for SAC's."""
+    level = {
+        "x": sac(1, "HN2", cmpaz=100.0, cmpinc=0.0),
+        "y": sac(2, "HN1", cmpaz=10.0, cmpinc=0.0),
+    }
+    check_together({**level, "z": sac(3, "HNZ", cmpaz=0.0, cmpinc=-90.0)})
+    assert "exchange" in refusal(x=level["y"], y=level["x"])
 
 
 @pytest.mark.parametrize(
@@ -87,6 +101,7 @@ def test_a_header_that_was_not_filled_in_tells_nothing() -> None:
         ({"x": "HN2", "y": "HN3", "z": "HN1"}, ""),
         ({"x": "HN3", "y": "HN2", "z": "HN1"}, "exchange x and y"),
         ({"x": "HN1", "y": "HN2"}, "HN1 as x, which is vertical"),
+        ({"x": "HN2", "z": "HN3"}, "HN3 as z; z is the vertical component"),
     ],
 )
 def test_a_response_tells_where_its_channels_point(axes: dict[str, str], words: str) -> None:

@@ -20,8 +20,8 @@ _DOWN = re.compile(r"(?i:DOWN|DN|DWN)")
 _SIDE = re.compile("(?:[A-Z]{2})?([EN])|(?=EW|NS)([EN])[WS][12]?|([WS])")
 """Names of channels to a side: SEED's, those of K-NET and KiK-net, and W and S alone."""
 
-_NUMBERED = re.compile("(?:[A-Z]{2})?([12])")
-"""Names of two horizontal channels of which the code does not say where they point (SEED)."""
+_NUMBERED = re.compile("(?:[A-Z]{2}|H)?([12])")
+"""Names of two horizontal channels which do not say where they point: SEED's, and of COSMOS."""
 
 _SQUARE = 5
 """Within which directions are at right angles, as SEED has it of N and E [degree]."""
@@ -46,8 +46,11 @@ def _of_trace(trace: Any, inventory: Any | None) -> Direction | None:
     sac = trace.stats.get("sac", {})
     if not {"cmpaz", "cmpinc"} <= sac.keys():
         return None
-    azimuth, from_up = float(sac["cmpaz"]), float(sac["cmpinc"])
-    return Direction(azimuth, from_up - 90.0) if azimuth or from_up else None  # not filled in
+    azimuth, inclined = float(sac["cmpaz"]), float(sac["cmpinc"])
+    if not azimuth and not inclined:
+        return None  # up, or not filled in
+    # from up, but in files of those who write a dip: no vertical has an azimuth
+    return Direction(azimuth, inclined - 90.0 if inclined > 0.0 else inclined)
 
 
 def check_directions(components: Mapping[str, Record]) -> None:
@@ -72,29 +75,33 @@ def check_directions(components: Mapping[str, Record]) -> None:
         for axis, one in components.items()
         if (azimuth := _azimuth(names[axis], numbered=not one.instruments)) is not None
     }
+    told = _told(components)
     for axis, name in names.items():
-        told = _told(components[axis])
-        if axis != "z" and (_VERTICAL.fullmatch(name) or (told and abs(told.dip) >= _STEEP)):
+        steep = axis in told and abs(told[axis].dip) >= _STEEP
+        if axis != "z" and (_VERTICAL.fullmatch(name) or steep):
             raise InvalidInput(f"{name} as {axis}, which is vertical", rule, remedy)
-    if "z" in known:
+    dip = told["z"].dip if "z" in told else -90.0
+    if "z" in known or abs(dip) < _STEEP:
         raise InvalidInput(f"{names['z']} as z", "z is the vertical component", remedy)
-    up = _told(components.get("z"))
-    if _DOWN.fullmatch(names.get("z", "")) or (up and up.dip >= _STEEP):
+    if _DOWN.fullmatch(names.get("z", "")) or dip >= _STEEP:
         rule, remedy = "z points up", "change the sign of its samples"
         raise InvalidInput(f"{names['z']} as z, which points down", rule, remedy)
-    known = _azimuths_told(components) or known
+    known = _azimuths_told(told) or known
     if len(known) == 2:
         _check_square(names, known)
 
 
-def _told(one: Record | None) -> Direction | None:
-    return one.directions[0] if one and one.directions else None
+def _told(components: Mapping[str, Record]) -> dict[str, Direction]:
+    """Directions by file or response; none where all are alike, as they were not filled in."""
+    found = {axis: one.directions[0] for axis, one in components.items() if one.directions}
+    told = {axis: one for axis, one in found.items() if one is not None}
+    return told if len(told) == 1 or len(set(told.values())) > 1 else {}
 
 
-def _azimuths_told(components: Mapping[str, Record]) -> dict[str, float]:
-    """Azimuths of x and y by file or response; none where they are alike, as not filled in."""
-    x, y = (_told(components.get(axis)) for axis in "xy")
-    return {"x": x.azimuth, "y": y.azimuth} if x and y and x.azimuth != y.azimuth else {}
+def _azimuths_told(told: Mapping[str, Direction]) -> dict[str, float]:
+    """Azimuths of x and y, where they differ."""
+    level = {axis: told[axis].azimuth for axis in "xy" if axis in told}
+    return level if len(set(level.values())) == 2 else {}
 
 
 def _check_square(names: Mapping[str, str], known: Mapping[str, float]) -> None:
@@ -126,7 +133,7 @@ def doubt(components: Mapping[str, Record]) -> str:
     horizontal = [components[axis] for axis in "xy" if axis in components]
     names = [one.channels[0].rpartition(".")[2] for one in horizontal]
     found = [_NUMBERED.fullmatch(name) for name in names]
-    if _azimuths_told(components) or [one[1] if one else "" for one in found] != ["1", "2"]:
+    if _azimuths_told(_told(components)) or [one[1] if one else "" for one in found] != ["1", "2"]:
         return ""
     return (
         f"{names[1]} mostly points to the right of {names[0]}: if so, x and y are to be exchanged"

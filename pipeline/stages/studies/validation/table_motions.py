@@ -101,13 +101,20 @@ def _is_series(variable: xr.DataArray) -> bool:
     return dims == {"test", "time"}
 
 
+_ALONG = ("x", "y", "z"), ("drive", "across", "up"), "012", "123"
+"""Names of components, in any case, and their numbers."""
+
+
 def _unit(path: Path, name: str, variable: xr.DataArray) -> float:
     """What one of its unit is [m/s2], its components along drive, across and up."""
     along = variable["component"].values.tolist() if "component" in variable.coords else []
-    for known in (["x", "y", "z"], ["drive", "across", "up"]):
-        if set(along) <= set(known) and along != known[: len(along)]:
-            given = f"components {', '.join(along)}"
-            raise refused(path, name, given, f"they are {', '.join(known)}", "put them in order")
+    named = [str(one).strip().lower() for one in along]
+    if not any(named == list(known[: len(named)]) for known in _ALONG):
+        given, rule = (
+            f"components {', '.join(map(str, along))}",
+            "they are x, y, z or drive, across, up",
+        )
+        raise refused(path, name, given, rule, "put them in order, or rename them")
     try:
         return factor(str(variable.attrs.get("units", "m/s2")))
     except InvalidInput as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -54,7 +55,7 @@ def one_test(factor: float) -> Change:
     )
 
 
-def along(names: list[str]) -> Change:
+def along(names: list[Any]) -> Change:
     """The motions along two components."""
 
     def change(data: xr.Dataset) -> xr.Dataset:
@@ -86,6 +87,9 @@ def test_records_are_in_the_unit_that_they_state(tmp_path: Path, unit: str, one:
         (at_rate(100.0), "time: got a step of 0.005 s beside a sampling_rate_hz of 100"),
         (one_test(0.06), r"peaks of 0\.089\d+ times pga_g \(test 1\)"),
         (along(["y", "x"]), "got components y, x; they are x, y, z"),
+        (along(["up", "x"]), "got components up, x; they are x, y, z"),
+        (along(["Y", "X"]), "got components Y, X; they are x, y, z"),
+        (along([1, 0]), "got components 1, 0; they are x, y, z"),
     ],
 )
 def test_records_that_contradict_themselves(tmp_path: Path, change: Change, words: str) -> None:
@@ -99,6 +103,11 @@ def told(folder: Path, change: Change) -> list[str]:
     # 3 sin(10 t) m/s2 reaches 0.3 m/s, 0.1 s of its peak, which is 1.5 and 1.2 times pga_g
     (folder / OUTCOMES).write_text(text.replace(",0.3,", ",0.13,"))
     return list(remarks(folder, read_tests(folder)))
+
+
+@pytest.mark.parametrize("names", [["X", "Y"], ["drive", "across"], [0, 1], [1, 2]])
+def test_components_may_have_these_names(tmp_path: Path, names: list[Any]) -> None:
+    assert motions_of(changed(tmp_path, along(names)))
 
 
 def test_records_that_fit_the_table_are_not_told(tmp_path: Path) -> None:
