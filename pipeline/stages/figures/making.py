@@ -122,14 +122,16 @@ def _draw(
         return
     store.open()
     data = {told: dataset(source, asked.derived) for told, source in figure.SOURCES.items()}
+    recorded = asked.record and any(one.study == RECORDED for one in figure.SOURCES.values())
+    other = [*asked.settings, *([f"record={Path(asked.record).name}"] if recorded else [])]
     try:
         found = {"title": figure.TITLE, "findings": [asdict(one) for one in figure.findings(data)]}
-        found["settings"] = [*asked.settings]
+        found["settings"] = other
         files = pictures(name, figure.draw(data), KINDS)
     except (LookupError, ValueError) as missing:
-        if not asked.settings:
+        if not other:
             raise
-        given, rule = " ".join(asked.settings), f"{figure.TITLE!r} needs what they leave out"
+        given, rule = " ".join(other), f"{figure.TITLE!r} needs what they leave out"
         remedy = f"leave them out, or give another figure (it looks for {missing})"
         raise InputError(Problem("--set", "", given, rule, remedy)) from missing
     files[f"{name}.json"] = writers.text(json.dumps(found, indent=1, ensure_ascii=False))
