@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -107,6 +107,7 @@ def check_together(components: Mapping[str, Record]) -> None:
         With what differs.
     """
     _check_instruments(components)
+    _check_samples(components)
     check_directions(components)
     first, one = next(iter(components.items()))
     for name, other in components.items():
@@ -132,6 +133,14 @@ def _check_instruments(components: Mapping[str, Record]) -> None:
             given = f"{first} of {one!r} and {axis} of {other!r}"
             rule = "the components of a record are of one instrument and event"
             raise InvalidInput(given, rule, "name those that belong together")
+
+
+def _check_samples(components: Mapping[str, Record]) -> None:
+    for (first, one), (axis, other) in combinations(components.items(), 2):
+        if np.array_equal(one.acceleration, other.acceleration, equal_nan=True):
+            given = f"the same samples along {first} and {axis}"
+            remedy = "name another channel or file"
+            raise InvalidInput(given, "each component has its own", remedy)
 
 
 def _apart(given: str) -> InvalidInput:

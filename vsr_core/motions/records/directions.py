@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from itertools import combinations
 from typing import Any
-
-import numpy as np
 
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Direction, Record
@@ -54,21 +51,8 @@ def _of_trace(trace: Any, inventory: Any | None) -> Direction | None:
 
 
 def check_directions(components: Mapping[str, Record]) -> None:
-    """Refuse components of which x and y are not horizontal, with y to the left, or z not up.
-
-    Parameters
-    ----------
-    components : records of one channel as read, by their axes
-
-    Raises
-    ------
-    InvalidInput
-    """
+    """Refuse components of which x and y are not horizontal, with y to the left, or z not up."""
     rule, remedy = "x and y are two horizontal components", "name another channel or file"
-    for (first, one), (axis, other) in combinations(components.items(), 2):
-        if np.array_equal(one.acceleration, other.acceleration, equal_nan=True):
-            given = f"the same samples along {first} and {axis}"
-            raise InvalidInput(given, "each component has its own", remedy)
     names = {axis: one.channels[0].rpartition(".")[2] for axis, one in components.items()}
     known: dict[str, float] = {
         axis: azimuth
@@ -124,7 +108,7 @@ def doubt(components: Mapping[str, Record]) -> str:
 
     By the practice of networks the second points 90 degrees to the right of the first.
 
-    >>> from vsr_core.motions.records.record import Record
+    >>> import numpy as np
     >>> one = {axis: Record(np.zeros(3), 0.01, (f"HN{n}",), "", "", "g") for axis, n in
     ...        (("x", 1), ("y", 2))}
     >>> doubt(one), doubt({"x": one["y"], "y": one["x"]})
