@@ -27,6 +27,7 @@ from pipeline.stages.mesh import scan_figures
 from pipeline.stages.studies.accuracy import comparison, quantity_fronts, worker_tasks
 from pipeline.stages.studies.servo import drive_runs
 from pipeline.workflow.products import DELIVERABLES
+from vsr_core.verification import reference
 
 SCENES = {
     "ground": tuple(ways.GROUNDS),
@@ -171,8 +172,9 @@ def few_runs() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for module, values in (
             (drive_runs, {"ROWS": 2, "LEVELS": 3, "HALVINGS": 1}),
-            (comparison, {"CELLS": 6, "STEPS": (1 / 500, 1 / 1000)}),
-            (quantity_fronts, {"PULSES": 8}),
+            (comparison, {"CELLS": 6, "MOST_ROWS": 1, "STEPS": (1 / 500, 1 / 1000)}),
+            (quantity_fronts, {"PULSES": 4}),
+            (reference, {"cases": lambda cases=reference.cases: cases()[::10]}),
             (worker_tasks, {"BUDGET": 0.5}),
         ):
             for name, value in values.items():

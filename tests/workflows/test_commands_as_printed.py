@@ -46,7 +46,9 @@ NOT_RUN = {
     r"join (theirs|FOLDER)": "has results of others",
     r"make (test|test-slow|check|coverage)\b|-m pytest": "is what runs this test",
     r"make (mutants|archive-equations|bench|figures$|accuracy( SITE=double_rock)?$)|run accuracy|"
-    r"raw_scans|scripts\.docs --pictures": "takes an hour, or many minutes of what others do",
+    r"raw_scans|scripts\.(docs --pictures|mutants)": "takes an hour, or many "
+    "minutes of what others do",
+    r"make docs( |$)": "is what the tests of the site do",
     r"run geodata": "needs the extra gis",
     r"pre-commit install": "changes the repository's hooks",
     r"-m benchmarks\.": "takes hours and writes what docs/ says of them",
