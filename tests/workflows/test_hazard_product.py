@@ -754,15 +754,16 @@ ON_TABLE = "kind: table, pga: [0.5], pgv_pga: [0.2]"
     [
         *("{axis: x, pga_ratio: 2}", "{axis: z}", "{axis: x}, {axis: x}"),
         *("{axis: x}, {axis: x, pga_ratio: -1}", "{axis: x}, {axis: x, pgv_pga: 0.1}"),
+        "{axis: x, pgv_pga: 0.1}, {axis: z, pga_ratio: 0.3}",
     ],
 )
-def test_pulses_whose_pga_is_not_the_grounds_are_refused(
+def test_pulses_whose_pga_or_pgv_is_not_the_grounds_are_refused(
     refused: Callable[..., str], write_site: Callable[..., str], pulses: str
 ) -> None:
     table = f"motion={{{ON_TABLE}, pulses: [{pulses}]}}"
     site = write_site(BOX + GRID)
     given = ("run", "hazard", "--curves", CURVES, "--age", 5000)
-    words = ("motion.pulses", "PGA along x and y", "the larger horizontal component")
+    words = ("motion.pulses", "along x and y", "the larger horizontal component")
     refused(*given, "--site", site, "--set", table, words=words)
     compare = f'hazard.compare=[{{name: other, set: ["{table}"]}}]'
     words = (*words, "hazard.compare: other")
@@ -776,6 +777,24 @@ def test_the_pga_of_a_table_along_x_and_z_is_that_of_x(
     age = "hazard.age={kind: normal, mean: 5000, sd: 0}"
     given = [word for one in (f"hazard.curves={CURVES}", age, table) for word in ("--set", one)]
     assert vsr("plan", "hazard", "--site", write_site(BOX + GRID), *given).code == cli.DONE
+
+
+def test_a_file_whose_pgv_is_that_of_a_slow_z_is_refused(
+    refused: Callable[..., str], write_site: Callable[..., str], tmp_path: Path
+) -> None:
+    """Beside x of 1 Hz a z of a fifth of its acceleration at 0.1 Hz has twice its velocity."""
+    time = np.arange(0.0, 20.0, 0.005)
+    window = np.sin(np.pi * time / time[-1]) ** 4
+    x = window * np.sin(2.0 * np.pi * time) / (2.0 * np.pi) ** 2
+    z = 0.2 * window * np.sin(0.2 * np.pi * time) / (0.2 * np.pi) ** 2
+    for name, columns, head in (("level", [x], "x [m]"), ("slow", [x, z], "x [m],z [m]")):
+        path = tmp_path / f"{name}.csv"
+        table, names = np.column_stack([time, *columns]), f"time [s],{head}"
+        np.savetxt(path, table, "%.9f", ",", header=names, comments="")
+    site = write_site(BOX + "motion: {kind: table, files: level.csv, pga: [0.5]}\n")
+    given = ("--curves", CURVES, "--age", 5000, "--set", "motion.files=[level.csv, slow.csv]")
+    words = ("motion.files", "a PGV/PGA of 0.15", "(slow: 0.3")
+    refused("run", "hazard", "--site", site, *given, words=words)
 
 
 def test_curves_and_age_have_to_be_given(

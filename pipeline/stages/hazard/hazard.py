@@ -183,6 +183,8 @@ def page(
         "log_sd": LOG_SD,
         "records": rock.records,
         "range": rock.source,
+        "drawn": analysis.drawn,
+        "fitted": ", ".join(one.name for one in analysis.rocks if not one.drawn),
         "tested": rock.tested,
         "frictions": listed([f"{one:g}" for one in rock.frictions]) if rock.frictions else "",
         "yaws": len(rock.by_yaw),

@@ -84,7 +84,7 @@ def dataset(
 
 
 def survival_range(analysis: SurvivalAnalysis, others: Array) -> tuple[Array, Array]:
-    """Range of survival under each branch: 5-95 % of members, or the ends of the fits.
+    """Range of survival under each branch: 5-95 % of draws, or the ends of the fits.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def survival_range(analysis: SurvivalAnalysis, others: Array) -> tuple[Array, Ar
     -------
     low, high : ndarray, shape (branches,)
     """
-    if analysis.rocks[0].fragility.source == DRAWN:
+    if analysis.drawn:
         low, high = np.percentile(others, [5.0, 95.0], axis=0)
         return low, high
     return others.min(axis=0), others.max(axis=0)

@@ -10,7 +10,7 @@ from pipeline.config.hazard_schema import Age, BoundedAge, History, LognormalAge
 from pipeline.config.layers import Site
 from pipeline.config.observation_schema import Earthquake, Observations
 from pipeline.config.problems import InputError, Problem
-from pipeline.stages.hazard.ground_pga import check_pga
+from pipeline.stages.hazard.ground_shaking import check_peaks
 from vsr_core.arrays import Array
 from vsr_core.hazard.survival import (
     in_order,
@@ -32,7 +32,7 @@ def refuse(site: Site) -> None:
 
     And motions of a table whose PGA is not that of the ground.
     """
-    check_pga(site)
+    check_peaks(site)
     hazard, key = site.config.hazard, "observations"
     if hazard.age and hazard.history:
         _check_order(site)

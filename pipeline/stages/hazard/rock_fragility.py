@@ -19,7 +19,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.stages.archive import shipped_equations
 from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, Answered, answered
 from pipeline.stages.fragility.summary import SEARCHED, Fits
-from pipeline.stages.hazard.ground_pga import check_pga
+from pipeline.stages.hazard.ground_shaking import check_peaks
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import graph, keys
 from pipeline.workflow.datasets import rows_of
@@ -316,7 +316,7 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
     for one in hazard.compare:
         try:
             site = load_site(file, one.study or study, (*settings, *one.set))
-            check_pga(site)
+            check_peaks(site)
         except InputError as error:
             raise _of_comparison(origin, one.name, error) from None
         compared.append(Other(one.name, site, folder_of(one.name)))
@@ -366,7 +366,7 @@ def _of_site(name: str, origin: Origin, key: str) -> Other:
     if name.endswith((".yaml", ".yml")):
         name = str(origin.folder_of(key) / name)
     site = load_site(name)
-    check_pga(site)
+    check_peaks(site)
     return Other(site.name, site, "..", site.config.uncertain)
 
 

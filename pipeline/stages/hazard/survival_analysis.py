@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from pipeline.stages.hazard.hazard_model import HazardModel
-from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility
+from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility
 from vsr_core.arrays import Array, Mask
 from vsr_core.hazard.curve import HazardCurve, mean_curve, posterior_weights
 from vsr_core.hazard.shaking import EventShaking, Shaking
@@ -57,6 +57,13 @@ class DatedRock:
     fragility: RockFragility
     ages: Array
     earlier: tuple[tuple[RockFragility, Array], ...] = ()
+
+    @property
+    def drawn(self) -> bool:
+        """Whether it has draws, of which one is the rock, now or in an earlier stage."""
+        return any(
+            one.source == DRAWN for one in (self.fragility, *(one for one, _ in self.earlier))
+        )
 
     def aged(self, age: Array) -> DatedRock:
         """The same at one age, shape (1,); of its stages the draws that had ended since."""
@@ -138,26 +145,31 @@ class SurvivalAnalysis:
         ]
 
     def _of_others(self, rock: DatedRock, standing: Standing) -> list[Standing]:
-        """A rock with each of its other fragilities.
+        """A rock with each of its draws, or with all fits at either end of their intervals.
 
-        Earlier stages have theirs in turn, as what is unknown of a rock stays through them, or the
-        mean where those are not of the same kind.
+        What is unknown of a rock stays through its stages; one without draws has its mean beside
+        the draws of others, of the rock or of another.
         """
-        own, found = rock.fragility, []
-        for i, rows in enumerate(own.others):
-            earlier = tuple(
-                Stage(self.shaking.fragility(one.others[i % len(one.others)], one.ratios), until)
-                if one.source == own.source
+        if self.drawn and not rock.drawn:
+            return [standing]
+        kind = DRAWN if rock.drawn else FITTED
+        stages = (rock.fragility, *(one for one, _ in rock.earlier))
+        found = []
+        for i in range(max(len(one.others) for one in stages if one.source == kind)):
+            now, *earlier = (
+                self.shaking.fragility(one.others[i % len(one.others)], one.ratios)
+                if one.source == kind
                 else mean
-                for (one, until), mean in zip(rock.earlier, standing.earlier, strict=True)
+                for one, mean in zip(stages, standing.fragilities, strict=True)
             )
-            found.append(Standing(self.shaking.fragility(rows, own.ratios), rock.ages, earlier))
+            until = [one for _, one in rock.earlier]
+            found.append(Standing(now, rock.ages, tuple(map(Stage, earlier, until))))
         return found
 
     @property
     def drawn(self) -> bool:
         """Whether the others are draws, of which one is the rock, and not ends of intervals."""
-        return all(rock.fragility.source == DRAWN for rock in self.rocks)
+        return any(rock.drawn for rock in self.rocks)
 
     @cached_property
     def others(self) -> list[list[Standing]]:
@@ -166,12 +178,12 @@ class SurvivalAnalysis:
         Several rocks have the others in turn, the fewer again from the first. Of two ensembles the
         members are paired at random, as what is unknown of two rocks is not the same.
         """
-        number = max(len(rock.fragility.others) for rock in self.rocks)
+        each = [self._of_others(*both) for both in zip(self.rocks, self.standing, strict=True)]
+        number = max(map(len, each))
         rng, turns = np.random.default_rng(1), []
-        for rock, standing in zip(self.rocks, self.standing, strict=True):
-            own = self._of_others(rock, standing)
+        for rock, own in zip(self.rocks, each, strict=True):
             turn = np.resize(np.arange(len(own)), number)
-            paired = rock is self.rocks[0] or rock.fragility.source != DRAWN
+            paired = rock is self.rocks[0] or not rock.drawn
             turns.append([own[i] for i in (turn if paired else rng.permutation(turn))])
         return [list(rocks) for rocks in zip(*turns, strict=True)]
 
@@ -194,7 +206,8 @@ class SurvivalAnalysis:
         return float(self.survival(self.mean_shaking.times(factor).rates)[0])
 
     def _alone(self, rock: int) -> list[Standing]:
-        return [rocks[rock] for rocks in self.others] if self.drawn else [self.standing[rock]]
+        drawn = self.rocks[rock].drawn
+        return [rocks[rock] for rocks in self.others] if drawn else [self.standing[rock]]
 
     def survival_alone(self, rock: int) -> Array:
         """Probability that one of the rocks stands under each branch, shape (branches,)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
-from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_members
+from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_members
 from pipeline.stages.hazard.survival_analysis import (
     AS_NOW,
     BASE_CASE,
@@ -151,6 +152,38 @@ def test_two_rocks_are_not_drawn_alike() -> None:
     found = of_curves(model(rate), *rocks).survival_of_others().mean()
     assert found == pytest.approx(exact, rel=0.04)
     assert found < 0.85 * np.exp(-years * rate * thresholds**-SLOPE).mean()
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_rock_of_fits_that_has_just_come_leaves_the_draws_of_another(first: bool) -> None:
+    """Of two draws of one rock that stand with 0.1 and 0.8 the mean is taken, as without it."""
+    drawn = DatedRock("drawn", ensemble([0.3, 0.6], 2000), np.array([1000.0]))
+    fits = replace(ensemble([0.4]), source=FITTED)
+    fresh = DatedRock("fresh", fits, np.array([1e-6]))
+    hazard = model(1e-4, 4.6e-4)
+    alone = of_curves(hazard, drawn)
+    both = of_curves(hazard, *((fresh, drawn) if first else (drawn, fresh)))
+    survival = alone.results().survival
+    np.testing.assert_allclose(both.results().survival, survival, rtol=1e-6)
+    np.testing.assert_allclose(both.survival_alone(int(first)), survival, rtol=1e-6)
+    others, alone_others = both.survival_of_others(), alone.survival_of_others()
+    np.testing.assert_allclose(survival_error(both, others), survival_error(alone, alone_others))
+    np.testing.assert_allclose(survival_range(both, others), survival_range(alone, alone_others))
+    assert DRAWN_ANEW in [case.name for case in cases(both, {}, {})]
+    if not first:  # the drawn rock changed for fits leaves nothing drawn
+        assert not both.with_first(replace(drawn, fragility=fits)).drawn
+
+
+def test_an_earlier_stage_has_its_draws_where_the_rock_has_none_now() -> None:
+    """It has just come out of what let it stand for 1,000 years with 0.1 or with 0.8."""
+    drawn, years = ensemble([0.3, 0.6], 2000), np.array([1000.0])
+    fits = replace(ensemble([0.4]), source=FITTED)
+    ago = np.array([1e-6])
+    changed = of_curves(model(4.6e-4), DatedRock("rock", fits, years, ((drawn, ago),)))
+    as_ever = of_curves(model(4.6e-4), DatedRock("rock", drawn, years))
+    survival = as_ever.results().survival
+    np.testing.assert_allclose(changed.results().survival, survival, rtol=1e-6)
+    np.testing.assert_allclose(changed.survival_for(0, years)[:, 0], survival, rtol=1e-6)
 
 
 def test_cells_without_a_verdict_do_not_count() -> None:
