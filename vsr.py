@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 import os
-import re
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -24,6 +24,7 @@ from pipeline.config.outside import content
 from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError as InputError
 from pipeline.config.problems import Problem
+from pipeline.config.yaml_text import in_yaml
 from pipeline.workflow import output
 from pipeline.workflow.command_line import parsed
 
@@ -34,6 +35,9 @@ Settings = Mapping[str, Any]
 """Keys of the configuration, as in a site's YAML."""
 
 Site = str | os.PathLike[str] | Settings
+
+_ONE_AT_A_TIME = threading.Lock()
+"""Threads of a process own the same folders and files."""
 
 WITHOUT_DATASET = ("stability", "geodata", "model")
 """Products that are files of other kinds."""
@@ -74,7 +78,7 @@ def run(
     site: Site,
     *layers: Settings,
     name: str = "rock",
-    study: str | None = None,
+    study: str | os.PathLike[str] | None = None,
     derived: str | os.PathLike[str] | None = None,
     workers: int | None = None,
     **keys: Any,
@@ -111,7 +115,7 @@ def run(
             rule, remedy = "a layer is a dict of settings", "e.g. {'yaw': 30}"
             raise InputError(Problem("vsr.run", "layers", f"{layer!r:.60}", rule, remedy))
         for key, value in layer.items():
-            settings += ["--set", f"{key}={_json(_plain(value))}"]
+            settings += ["--set", f"{key}={in_yaml(_plain(value))}"]
     if not isinstance(site, str | os.PathLike | Mapping):
         rule, remedy = "it is a name, a path or a dict", "e.g. double_rock"
         raise InputError(Problem("vsr.run", "site", f"{site!r:.60}", rule, remedy))
@@ -121,32 +125,22 @@ def run(
     else:
         file = partial(os.fspath, site)
     given = "--table" if product == "validation" else "--site"
-    words = [given, os.fspath(file()), "--derived", str(folder), *settings]
-    words += ["--study", study] if study else []
-    words += [] if workers is None else ["--workers", str(workers)]
-    job, _ = commands.made(parsed(["run", product, *words]))
-    study_of_sweep = job.store.folder / "study.nc"
-    own = job.store.folder / f"{'fragility' if product == 'report' else product}.nc"
-    made = study_of_sweep if study_of_sweep.exists() else own
-    in_notebook.MADE[made.resolve()] = partial(_replayed, file, words)
-    return xarray.load_dataset(made)
-
-
-_ESCAPED = re.compile("[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff\ud800-\udfff]")
-"""What YAML takes for the end of a line, or refuses; of no letter with a pair of escapes in JSON,
-which YAML takes for two."""
-
-
-def _json(value: Any, indent: int | None = None) -> str:
-    """JSON that says the same in YAML."""
-    text = json.dumps(value, indent=indent, ensure_ascii=False)
-    return _ESCAPED.sub(lambda one: f"\\u{ord(one[0]):04x}", text)
+    with _ONE_AT_A_TIME:
+        words = [given, os.fspath(file()), "--derived", str(folder), *settings]
+        words += ["--study", os.fspath(study)] if study else []
+        words += [] if workers is None else ["--workers", str(workers)]
+        job, _ = commands.made(parsed(["run", product, *words]))
+        study_of_sweep = job.store.folder / "study.nc"
+        own = job.store.folder / f"{'fragility' if product == 'report' else product}.nc"
+        made = study_of_sweep if study_of_sweep.exists() else own
+        in_notebook.MADE[made.resolve()] = partial(_replayed, file, words)
+        return xarray.load_dataset(made)
 
 
 def _written(folder: Path, name: str, site: Settings) -> Path:
     """A site's content as a file in JSON, which is YAML, too; never over one by another hand."""
     path = folder / f"{name}.yaml"
-    plain = name.isprintable() and f"{name}."[0] != "."
+    plain = isinstance(name, str) and name.isprintable() and f"{name}."[0] != "."
     if path.parent != folder or not plain:
         rule, remedy = "results go to a folder of that name", "give a plain name, such as rock"
         raise InputError(Problem("vsr.run", "name", repr(name), rule, remedy))
@@ -157,7 +151,7 @@ def _written(folder: Path, name: str, site: Settings) -> Path:
 
     def write(part: Path) -> None:
         part.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(_json(site, indent=1), encoding="utf-8")
+        part.write_text(in_yaml(site, indent=1), encoding="utf-8")
 
     output.put("vsr.run", path, write)
     return path
@@ -167,16 +161,17 @@ def _is_of_content(path: Path) -> bool:
     """Whether a file is as the content of a site is written here."""
     try:
         text = content(path).decode()
-        return text == _json(json.loads(text), indent=1)
+        return text == in_yaml(json.loads(text), indent=1)
     except (InputError, ValueError, RecursionError):
         return False
 
 
 def _replayed(file: Callable[[], object], words: list[str], **coordinates: Any) -> Path:
     """Page that replays a run of what was made of a file with some words of the command line."""
-    file()  # which may have the content of another site by now
     at = (f"--{name.replace('_', '-')}={value}" for name, value in coordinates.items())
-    return commands.replayed(parsed(["replay", *words, *at]))
+    with _ONE_AT_A_TIME:
+        file()  # which may have the content of another site by now
+        return commands.replayed(parsed(["replay", *words, *at]))
 
 
 def _plain(value: Any) -> Any:
@@ -185,7 +180,7 @@ def _plain(value: Any) -> Any:
         return _plain(value.tolist())
     if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
         return {key: _plain(one) for key, one in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
+    if isinstance(value, Sequence) and not isinstance(value, str | bytes | bytearray):
         return [_plain(one) for one in value]
     if isinstance(value, os.PathLike):
         return os.fspath(value)

@@ -54,8 +54,9 @@ STAGE = [
 
 FLOORS = {"vsr_core": CORE, "pipeline": PIPELINE, "pipeline.stages": STAGE}
 HEAVY = {
-    "IPython", "dart", "dartpy", "dask", "dask_jobqueue", "distributed", "h5py", "mujoco", "obspy",
-    "open3d", "pooch", "pydrake", "pyogrio", "pyproj", "rapier3d", "sapien", "sklearn", "trimesh",
+    "IPython", "dart", "dartpy", "dask", "dask_jobqueue", "distributed", "h5py", "mujoco", "numba",
+    "obspy", "open3d", "pooch", "pydrake", "pyogrio", "pyproj", "rapier3d", "sapien", "sklearn",
+    "trimesh",
 }  # fmt: skip
 """Libraries that are optional or slow to import: only these are imported where they are used."""
 

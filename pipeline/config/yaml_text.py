@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from typing import Any
 
@@ -123,3 +124,14 @@ def parse(text: str) -> Any:
         return yaml.load(text, _Loader)  # noqa: S506 (safe subclass)
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from None
+
+
+_ESCAPED = re.compile("[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff\ud800-\udfff]")
+"""What YAML takes for the end of a line, or refuses; of no letter with a pair of escapes in JSON,
+which YAML takes for two."""
+
+
+def in_yaml(value: Any, indent: int | None = None) -> str:
+    """JSON that says the same in YAML."""
+    text = json.dumps(value, indent=indent, ensure_ascii=False)
+    return _ESCAPED.sub(lambda one: f"\\u{ord(one[0]):04x}", text)

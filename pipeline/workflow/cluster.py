@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import logging
-import os
 import signal
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Sequence
@@ -18,11 +16,10 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-import yaml
-
-from pipeline.config.outside import check_regular, text
+from pipeline.config.outside import check_regular
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.dispatch import Dispatch
+from pipeline.workflow.library_settings import MEND_DASK, unread
 from pipeline.workflow.workers import BATCHES_IN_FLIGHT, Batch, Done
 from vsr_core.errors import InvalidInput
 
@@ -219,7 +216,7 @@ class Cluster:
     def _client(self) -> Iterator[tuple[Any, Callable[[], None]]]:
         """Dask's client, and what replaces workers that have ended."""
         import dask
-        import distributed
+        import distributed  # noqa: F401 (before its settings are changed)
 
         for name in LOGS:
             logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -227,13 +224,7 @@ class Cluster:
             upkeep: Callable[[], None] = _nothing
             if self.local:
                 stack.enter_context(dask.config.set(_LOCAL))
-                with held_back():  # Dask cannot end workers that are half started
-                    cluster = distributed.LocalCluster(
-                        n_workers=self.workers,
-                        threads_per_worker=1,
-                        dashboard_address="127.0.0.1:0",
-                        silence_logs=50,
-                    )
+                cluster = _local_cluster(self.workers)
                 upkeep, address = partial(_renew, cluster), stack.enter_context(cluster)
             elif self.slurm:
                 jobs = stack.enter_context(slurm_jobs(self.workers))
@@ -245,54 +236,24 @@ class Cluster:
             yield client, upkeep
 
 
+def _local_cluster(workers: int) -> Any:
+    import distributed
+
+    try:
+        with held_back():  # Dask cannot end workers that are half started
+            return distributed.LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=50,
+            )
+    except (KeyError, TypeError, ValueError) as error:  # of a setting where it is first used
+        raise unread("Dask", error, MEND_DASK) from None
+
+
 def _renew(cluster: Any) -> None:
     """Start workers anew that have ended, or that Dask gave up as they took long to come back."""
     cluster.scale(len(cluster.worker_spec))
-
-
-_HOME = os.path.expanduser("~")  # noqa: PTH111 (never fails)
-
-_OF_DASK = "/etc/dask", f"{sys.prefix}/etc/dask", f"{_HOME}/.config/dask"
-"""Folders of settings that Dask reads, too."""
-
-
-def check_settings() -> None:
-    """Refuse an environment in which nothing runs: Numba without compilation, unreadable YAML.
-
-    The latter are settings of Dask, which it reads on import.
-    """
-    given = os.environ.get("NUMBA_DISABLE_JIT", "")
-    if given.strip("0 "):
-        raise InputError(Problem("NUMBA_DISABLE_JIT", "", given, "runs are compiled", "unset it"))
-    own, named = Path(".numba_config.yaml"), dict[str, Any]()
-    with suppress(Exception):  # Numba leaves out what is no YAML, whatever it raises
-        found = yaml.safe_load(text(own)) if own.is_file() else {}
-        named = {str(key).upper(): value for key, value in found.items()}
-    off = False
-    with suppress(Exception):  # and what is no number: true and 1.0 are 1
-        off = bool(int(named.get("DISABLE_JIT", 0)))
-    if off:
-        given, rule, remedy = "that it is on", "runs are compiled", "leave it out"
-        raise InputError(Problem(str(own), "disable_jit", given, rule, remedy))
-    named_in = {"DASK_CONFIG", "DASK_ROOT_CONFIG"} & os.environ.keys()
-    if not named_in and not any(map(_says_something, _OF_DASK)):
-        return  # to import it takes a while, and most commands never do
-    try:
-        import dask  # noqa: F401
-    except ValueError as error:
-        given, rule = str(error).splitlines()[0].split(", original")[0], "it names YAML"
-        remedy = "mend it, or unset DASK_CONFIG"
-        raise InputError(Problem("settings of Dask", "", given, rule, remedy)) from None
-
-
-def _says_something(folder: str) -> bool:
-    """Whether files of settings in a folder hold more than the comments that Dask puts there."""
-    files = (path for path in Path(folder).glob("*.*") if path.suffix in (".yaml", ".yml", ".json"))
-    lines = (line for path in files for line in path.open("rb"))
-    try:
-        return any(line.strip() and not line.lstrip().startswith(b"#") for line in lines)
-    except OSError:
-        return True
 
 
 _LARGEST_FILE = 1024**2

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.config.layers import load_site
+from pipeline.config.layers import Site, load_site
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.slips import warnings
 from pipeline.config.sweep import Sweep, load_sweep
+from pipeline.config.yaml_text import in_yaml
 from pipeline.workflow import graph, site_folder
-from pipeline.workflow.cluster import Cluster, check_settings
+from pipeline.workflow.cluster import Cluster
+from pipeline.workflow.library_settings import check_settings
 from pipeline.workflow.log import complain, log
 from pipeline.workflow.products import DELIVERABLES, GRIDDED
 from pipeline.workflow.stage import Job, named
@@ -57,13 +58,13 @@ def _settings(given: dict[str, Any]) -> tuple[str, ...]:
     found = list(given["settings"])
     for one, other in (("curves", "events"), ("events", "curves")):
         if given.get(one) is not None:
-            found += [f"hazard.{one}={json.dumps(given[one])}", f"hazard.{other}=null"]
+            found += [f"hazard.{one}={in_yaml(given[one])}", f"hazard.{other}=null"]
     if given.get("age") is not None:
         age = {"kind": "normal", "mean": given["age"], "sd": given.get("age_sd") or 0.0}
         age["source"] = ""  # that of the configuration is of another age
-        found.append(f"hazard.age={json.dumps(age)}")
+        found.append(f"hazard.age={in_yaml(age)}")
     elif given.get("age_sd") is not None:
-        found.append(f"hazard.age.sd={json.dumps(given['age_sd'])}")
+        found.append(f"hazard.age.sd={in_yaml(given['age_sd'])}")
     return tuple(found)
 
 
@@ -95,16 +96,29 @@ def job_of(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
         site = sweep.reference.site
     else:
         site = load_site(options.site, options.study, _settings(given))
-        for one in ("curves", "events"):
-            if given.get(one) is not None:  # beside who gives them, not beside the site's YAML
-                site.places["hazard", one] = (f"--{one}", Path.cwd())
     sites = [site] if sweep is None else [member.site for member in sweep.members]
+    for one in ("curves", "events"):
+        if given.get(one) is not None:  # beside who gives them, not beside the site's YAML
+            for each in sites:
+                each.places["hazard", one] = (f"--{one}", Path.cwd())
+    if sweep is not None and given.get("product") == "hazard":
+        _check_alone(sites)
     for warning in dict.fromkeys(str(one) for each in sites for one in warnings(each)):
         complain(f"vsr: warning: {warning}")
     store = site_folder.store_of(site, options.derived, given.get("name"))
     if store.folder.name.partition("@")[0] != site.name:
         log(f"vsr: results of another {site.name}.yaml are there; those of this: {store.folder}")
     return Job(site, store, cluster_of(given), log)
+
+
+def _check_alone(sites: list[Site]) -> None:
+    """Refuse a sweep of the hazard of a rock beside which others are made, each with its runs."""
+    for site in sites:
+        for key in ("rocks", "compare", "history"):
+            if getattr(site.config.hazard, key):
+                place, rule = f"hazard.{key}", "a sweep of a hazard is one of a single rock"
+                remedy = f"give --set {place}=[], or a command for each value"
+                raise InputError(Problem(site.file_of(place), place, "", rule, remedy))
 
 
 def cluster_of(given: dict[str, Any]) -> Cluster:

@@ -29,15 +29,15 @@ Vsr = Callable[..., Any]
 SITE = ("--site", "cuboid_1x1x2")
 
 
-def start(*arguments: object, **environment: str) -> subprocess.Popen[str]:
+def start(*arguments: object, folder: Path = ROOT, **environment: str) -> subprocess.Popen[str]:
     """A command in a session of its own, as a terminal would have it."""
     return subprocess.Popen(
         [sys.executable, "-m", "pipeline", *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        cwd=ROOT,
-        env={**os.environ, **environment},
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
         start_new_session=True,
         # a shell has what it starts in the background ignore Ctrl-C, these tests among it
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
@@ -243,27 +243,39 @@ def test_settings_of_dask_that_are_no_yaml(tmp_path: Path, place: str, name: str
     assert not into.exists()
 
 
-def test_runs_without_compilation(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
-    refused("run", "rock", *SITE, words=("NUMBA_DISABLE_JIT: got 1", "unset it"))
+@pytest.mark.parametrize(
+    ("name", "value"), [("COMM__TIMEOUTS__CONNECT", "abc"), ("LOGGING__DISTRIBUTED", "bogus")]
+)
+def test_settings_of_dask_that_it_does_not_take(tmp_path: Path, name: str, value: str) -> None:
+    setting = {f"DASK_DISTRIBUTED__{name}": value}
+    given = ("run", "stability", *SITE, "--workers", 2, "--derived", tmp_path)
+    process = start(*given, **setting)
+    *_, line = process.communicate(timeout=60)[0].splitlines()
+    assert process.returncode == cli.REFUSED
+    assert line.startswith("vsr: settings of Dask: got what it cannot read")
 
 
-@pytest.mark.parametrize("text", ["DISABLE_JIT: 1\n", "disable_jit: true\n"])
-def test_numbas_own_file_that_has_no_compilation(
-    refused: Refused, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, text: str
+@pytest.mark.parametrize(
+    ("text", "variables", "words"),
+    [
+        ("", {"NUMBA_DISABLE_JIT": "1"}, "disable_jit; runs are compiled"),
+        ("DISABLE_JIT: true\n", {}, "disable_jit; runs are compiled"),
+        ("a: b: c\n", {}, "what it cannot read"),
+        ("1: 2\n", {}, "what it cannot read"),
+        ("# nothing\n", {"NUMBA_NUM_THREADS": "0"}, "what it cannot read"),
+    ],
+)
+def test_settings_with_which_nothing_is_compiled(
+    tmp_path: Path, text: str, variables: dict[str, str], words: str
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     (tmp_path / ".numba_config.yaml").write_text(text)
-    refused("run", "rock", *SITE, words=(".numba_config.yaml: disable_jit", "leave it out"))
-
-
-@pytest.mark.parametrize("text", ["a: b: c", "disable_jit: .inf", "\t", "[" * 3000, "- 1\n"])
-def test_what_numba_leaves_out_is_left_out(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, text: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / ".numba_config.yaml").write_text(text)
-    cluster.check_settings()
+    into = tmp_path / "derived"
+    process = start("run", "rock", *SITE, "--derived", into, folder=tmp_path, **variables)
+    (line,) = process.communicate(timeout=60)[0].splitlines()
+    assert process.returncode == cli.REFUSED
+    assert line.startswith(f"vsr: settings of Numba: got {words}")
+    assert ".numba_config.yaml" in line
+    assert not into.exists()
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import html
 import json
 import re
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,7 @@ def test_what_has_no_dataset_is_refused_before_any_work() -> None:
         (BLOCK, {"yaw": (one for one in (1, 2))}, "got <generator"),
         (BLOCK, {"yaw": np.array(["2020"], dtype="M8[Y]")}, r"datetime\.date"),
         (BLOCK, {"rock": {(1, 2): 3}}, r"\{\(1, 2\): 3\}"),
+        (BLOCK, {"yaw": b"90"}, "got b'90'; a value is a number"),
     ],
 )
 def test_what_is_no_setting_is_refused(site: Any, layer: Any, words: str) -> None:
@@ -80,8 +82,8 @@ def test_what_is_no_setting_is_refused(site: Any, layer: Any, words: str) -> Non
     assert not Path("data").exists()
 
 
-@pytest.mark.parametrize("name", ["../up", "a/b", "/up", "a\nb", "", ".", "..", "x" * 300])
-def test_a_name_that_is_no_folder_of_results_is_refused(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["../up", "a/b", "/up", "a\nb", "", ".", "..", "x" * 300, 5])
+def test_a_name_that_is_no_folder_of_results_is_refused(name: Any, tmp_path: Path) -> None:
     with pytest.raises(vsr.InputError, match=r"^vsr\.run: (name: )?got [^\n]*$"):
         vsr.run("rock", BLOCK, derived="results", name=name, workers=0)
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
@@ -94,6 +96,18 @@ def test_a_file_by_another_hand_is_not_written_over(own: str, tmp_path: Path) ->
     with pytest.raises(vsr.InputError, match=r"rock\.yaml: got a file by another hand"):
         vsr.run("rock", BLOCK, derived=tmp_path, workers=0)
     assert path.read_text() == own
+
+
+def test_each_thread_gets_the_rock_that_it_asks_for() -> None:
+    masses = [1000.0, 2000.0, 3000.0, 4000.0] * 5
+
+    def asked(number: int) -> float:
+        block = vsr.box(1.0, 1.0, 1.0, masses[number])
+        made = vsr.run("rock", block, derived="results", name=f"block_{number % 3}", workers=0)
+        return float(made.attrs["mass_kg"])
+
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(asked, range(len(masses)))) == pytest.approx(masses)
 
 
 def test_curves_and_tests_are_found_from_the_working_folder() -> None:

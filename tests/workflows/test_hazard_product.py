@@ -797,6 +797,33 @@ def test_a_file_whose_pgv_is_that_of_a_slow_z_is_refused(
     refused("run", "hazard", "--site", site, *given, words=words)
 
 
+def test_curves_of_a_sweep_lie_beside_who_gives_them(
+    vsr: Callable[..., Ran],
+    write_site: Callable[..., str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """And not beside the site, where other curves have the same name."""
+    (tmp_path / "study.yaml").write_text("sweep: {stood: {hazard.age.mean: [4000, 5000]}}\n")
+    (tmp_path / "mine").mkdir()
+    shutil.copytree(CURVES, tmp_path / "here" / "mine")
+    monkeypatch.chdir(tmp_path / "here")
+    site = write_site(BOX + GRID + "hazard: {age: {kind: normal, mean: 4000, source: none}}\n")
+    given = ("hazard", "--site", site, "--study", tmp_path / "study.yaml", "--curves", "mine")
+    ran = vsr("run", *given)
+    assert ran.code == cli.DONE, ran.err
+    assert ran.err.count("of 9 branches rejected") == 2
+
+
+def test_a_hazard_is_swept_of_a_rock_alone(
+    refused: Callable[..., str], write_site: Callable[..., str], tmp_path: Path
+) -> None:
+    (tmp_path / "study.yaml").write_text("sweep: {bounce: {contact.restitution: [0, 0.3]}}\n")
+    site = write_site(BOX + GRID + HAZARD)
+    given = ("run", "hazard", "--site", site, "--study", tmp_path / "study.yaml")
+    refused(*given, words=("hazard.compare", "--set hazard.compare=[]"))
+
+
 def test_curves_and_age_have_to_be_given(
     refused: Callable[..., str], write_site: Callable[..., str]
 ) -> None:

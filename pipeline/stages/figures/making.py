@@ -14,6 +14,7 @@ import xarray as xr
 
 from pipeline.config.layers import Site, load_site
 from pipeline.config.problems import InputError, Problem
+from pipeline.config.yaml_text import in_yaml
 from pipeline.drawing.style import data_uri, pictures
 from pipeline.stages.figures import paper
 from pipeline.stages.figures.paper import RECORDED, Finding, Source
@@ -81,7 +82,7 @@ def make(options: argparse.Namespace, cluster: Cluster, log: Callable[[str], Non
 def _site(source: Source, asked: Asked) -> Site:
     settings = asked.settings
     if source.study == RECORDED and asked.record:
-        files = json.dumps([str(Path(asked.record).resolve())])
+        files = in_yaml([str(Path(asked.record).resolve())])
         settings = (*settings, f"motion.files={files}")
     return load_site(source.site, source.study or None, settings)
 

@@ -115,6 +115,15 @@ def test_a_response_tells_where_its_channels_point(axes: dict[str, str], words: 
         assert not doubt(components)
 
 
+def test_names_that_are_not_where_channels_point_are_told() -> None:
+    for east, north, words in ((91.0, 1.0, ""), (60.0, 330.0, "HNE as x points to 60 deg")):
+        whole = by_response(HNE=(east, 0.0), HNN=(north, 0.0))
+        components = {"x": whole.channel("HNE"), "y": whole.channel("HNN")}
+        check_together(components)
+        assert words in doubt(components)
+        assert bool(doubt(components)) == bool(words)
+
+
 def test_north_of_cosmos_is_360_and_0_is_nothing() -> None:
     east = read(files.cosmos((wave(1), 90), interval=STEP).encode(), ".v2", Reading())
     text = files.cosmos((wave(2), 0), interval=STEP)
@@ -124,6 +133,17 @@ def test_north_of_cosmos_is_360_and_0_is_nothing() -> None:
     assert (unknown.channels, up.channels) == (("unknown",), ("BNZ",))
     check_together({"x": east, "z": up})
     assert "BNZ as y, which is vertical" in refusal(x=east, y=up)
+
+
+def test_channels_of_one_letter_or_figure() -> None:
+    """1 and 2 are numbers of channels, and no degrees."""
+    one, two, up = (sac(n, name) for n, name in enumerate("12Z", 1))
+    for name in ("Z", "U", "V"):
+        assert f"{name} as y, which is vertical" in refusal(x=sac(1, "E"), y=sac(2, name))
+    check_together({"x": two, "y": one, "z": up})
+    check_together({"x": one, "y": two})
+    assert doubt({"x": one, "y": two})
+    assert not doubt({"x": two, "y": one})
 
 
 def test_a_response_without_stages_is_told() -> None:

@@ -353,16 +353,21 @@ def test_response_of_obspys_example_is_removed(tmp_path: Path) -> None:
     refusal(lambda: read(path.read_bytes(), ".mseed", bare), "motion.response.corners")
 
 
+@pytest.mark.parametrize("unit", ["M/S**2", "M/S"])
 @pytest.mark.parametrize("gap", [0, 3])
-def test_removing_a_response_silences_no_shaking(gap: int) -> None:
-    """Of an accelerometer with a flat response, which shakes at 5 s of 300, beside a gap."""
+def test_removing_a_response_silences_no_shaking(gap: int, unit: str) -> None:
+    """Of an instrument with a flat response, which shakes at 5 s of 300, beside a gap."""
     obspy = pytest.importorskip("obspy")
     from obspy.core.inventory import Channel, Inventory, Network, Response, Station
 
     counts, step = 1e6, 0.01
     time = step * np.arange(30_000)
-    shaking = 2.0 * np.exp(-(((time - 5.0) / 0.7) ** 2)) * np.sin(4.0 * np.pi * time)
-    flat = Response.from_paz([], [], counts, input_units="M/S**2", output_units="COUNTS")
+    swell, omega = 2.0 * np.exp(-(((time - 5.0) / 0.7) ** 2)), 8.0 * np.pi
+    seen = shaking = swell * np.sin(omega * time)
+    if unit == "M/S":
+        turning = omega * np.cos(omega * time)
+        shaking = swell * (turning - 2.0 * (time - 5.0) / 0.7**2 * np.sin(omega * time))
+    flat = Response.from_paz([], [], counts, input_units=unit, output_units="COUNTS")
     channel = Channel("HNE", "", 0.0, 0.0, 0.0, 0.0, sample_rate=100.0, response=flat)
     station = Station("STA", 0.0, 0.0, 0.0, channels=[channel])
     xml, waves = io.BytesIO(), io.BytesIO()
@@ -372,8 +377,8 @@ def test_removing_a_response_silences_no_shaking(gap: int) -> None:
     traces = [
         obspy.Trace(np.round(counts * part).astype("i4"), head | {"starttime": start})
         for part, start in (
-            (shaking[:first], obspy.UTCDateTime(0)),
-            (shaking[after:], obspy.UTCDateTime(0) + after * step),
+            (seen[:first], obspy.UTCDateTime(0)),
+            (seen[after:], obspy.UTCDateTime(0) + after * step),
         )
     ]
     obspy.Stream(traces).write(waves, format="MSEED")

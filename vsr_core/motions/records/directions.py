@@ -9,7 +9,7 @@ from typing import Any
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Direction, Record
 
-_VERTICAL = re.compile(r"(?i:UP|DOWN|DN|DWN|VERT\w*|UD[12]?)|[A-Z]{2}Z")
+_VERTICAL = re.compile(r"(?i:UP?|V|DOWN|DN|DWN|VER\w*|UD[12]?)|(?:[A-Z]{2})?Z")
 """Names of vertical channels: of networks' files, and SEED's codes."""
 
 _DOWN = re.compile(r"(?i:DOWN|DN|DWN)")
@@ -104,7 +104,7 @@ def _check_square(names: Mapping[str, str], known: Mapping[str, float]) -> None:
 
 
 def doubt(components: Mapping[str, Record]) -> str:
-    """What is to be told of two horizontal channels of which nothing says where they point.
+    """What is to be told of channels that point elsewhere than their names, or anywhere.
 
     By the practice of networks the second points 90 degrees to the right of the first.
 
@@ -114,10 +114,16 @@ def doubt(components: Mapping[str, Record]) -> str:
     >>> doubt(one), doubt({"x": one["y"], "y": one["x"]})
     ('HN2 mostly points to the right of HN1: if so, x and y are to be exchanged', '')
     """
+    told = _azimuths_told(_told(components))
+    for axis, azimuth in told.items():
+        name = components[axis].channels[0].rpartition(".")[2]
+        named = _azimuth(name, numbered=True)
+        if named is not None and abs((azimuth - named + 180) % 360 - 180) > _SQUARE:
+            return f"{name} as {axis} points to {azimuth:g} deg by its file or response"
     horizontal = [components[axis] for axis in "xy" if axis in components]
     names = [one.channels[0].rpartition(".")[2] for one in horizontal]
     found = [_NUMBERED.fullmatch(name) for name in names]
-    if _azimuths_told(_told(components)) or [one[1] if one else "" for one in found] != ["1", "2"]:
+    if told or [one[1] if one else "" for one in found] != ["1", "2"]:
         return ""
     return (
         f"{names[1]} mostly points to the right of {names[0]}: if so, x and y are to be exchanged"
@@ -131,9 +137,11 @@ def _azimuth(channel: str, *, numbered: bool = False) -> int | None:
     ----------
     numbered : whether a number of less than three digits is none of degrees, as of a table's column
 
-    >>> [_azimuth(name) for name in ("047", "HNE", "NS2", "W", "H1", "DWN", "401")]
-    [47, 90, 0, 270, None, None, None]
+    >>> [_azimuth(name) for name in ("047", "HNE", "NS2", "W", "H1", "2", "DWN", "401")]
+    [47, 90, 0, 270, None, None, None, None]
     """
+    if channel in ("1", "2", "3"):
+        return None
     if channel.isdecimal():
         told = len(channel) == len("000") or not numbered
         return int(channel) if told and int(channel) <= 360 else None

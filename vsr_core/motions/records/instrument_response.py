@@ -7,6 +7,7 @@ import re
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
@@ -40,7 +41,9 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
     for trace in stream:
         counts = np.ma.masked_invalid(np.ma.asarray(trace.data).astype(np.float64))
         missing, places = np.ma.getmaskarray(counts), np.arange(len(counts))
-        whole = np.interp(places, places[~missing], counts.data[~missing])
+        there = places[~missing]  # a line between velocities would have jumps of acceleration
+        within = np.clip(places, there[0], there[-1])
+        whole = CubicSpline(there, counts.data[~missing])(within) if missing.any() else counts.data
         line = np.polyval(np.polyfit(places, whole, 1), places)
         ends = min(math.ceil(1.0 / (corners[1] * trace.stats.delta)), len(whole))
         trace.data = _with_ends(whole - line, ends)
