@@ -824,6 +824,36 @@ def test_a_hazard_is_swept_of_a_rock_alone(
     refused(*given, words=("hazard.compare", "--set hazard.compare=[]"))
 
 
+def test_a_comparison_that_changes_no_fragility_is_refused(
+    refused: Callable[..., str], write_site: Callable[..., str]
+) -> None:
+    site = write_site(BOX + GRID + HAZARD)
+    compare = "hazard.compare=[{name: young, set: [hazard.age.mean=99]}]"
+    words = ("hazard.compare", "got hazard.age.mean", "another fragility")
+    refused("run", "hazard", "--site", site, "--set", compare, words=words)
+
+
+def test_another_rock_takes_no_folder_of_a_site_of_its_name(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], tmp_path: Path, derived: Path
+) -> None:
+    """There are two of the name: one has products, the other stands beside the rock."""
+    (tmp_path / "elsewhere").mkdir()
+    first = Path(write_site(BOX + GRID, "twin")).rename(tmp_path / "elsewhere" / "twin.yaml")
+    assert vsr("run", "fragility", "--site", first).code == cli.DONE
+    before = (derived / "twin" / "fragility.nc").read_bytes()
+    write_site(BOX.replace("0.25, 0.5, 1.2", "0.3, 0.5, 1.5") + GRID, "twin")
+    rocks = "rocks: [{site: twin.yaml, age: {kind: normal, mean: 900, source: none}}]}\n"
+    site = write_site(
+        BOX
+        + GRID
+        + HAZARD.replace("compare: [{name: slippery, set: [contact.friction=0.3]}]}\n", rocks)
+    )
+    ran = vsr("run", "hazard", "--site", site)
+    assert ran.code == cli.DONE, ran.err
+    assert (derived / "twin" / "fragility.nc").read_bytes() == before
+    assert len(list(derived.glob("twin-*/fragility.nc"))) == 1
+
+
 def test_curves_and_age_have_to_be_given(
     refused: Callable[..., str], write_site: Callable[..., str]
 ) -> None:

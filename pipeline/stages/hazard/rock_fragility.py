@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -21,7 +22,7 @@ from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, Answered, answ
 from pipeline.stages.fragility.summary import SEARCHED, Fits
 from pipeline.stages.hazard.ground_shaking import check_peaks
 from pipeline.stages.uncertainty.draws import EnsembleData
-from pipeline.workflow import graph, keys
+from pipeline.workflow import graph, keys, site_folder
 from pipeline.workflow.datasets import rows_of
 from pipeline.workflow.stage import Input
 from vsr_core.archive.equations import HIGHEST
@@ -238,8 +239,9 @@ class Other:
         return "uncertainty" if self.uncertain else "fragility"
 
     def folder(self, own: Path) -> Path:
-        """Folder of its products."""
-        return own / self.derived / self.site.name
+        """Folder of its products, which another site of its name has not."""
+        derived = Path(os.path.normpath(own / self.derived))
+        return site_folder.store_of(self.site, derived, None).folder
 
     def fragility(self, own: Path) -> RockFragility:
         """What its products say.
@@ -314,6 +316,11 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
         raise InputError(Problem(file, "hazard.compare", f"{twice!r} twice", rule, "rename one"))
     compared = []
     for one in hazard.compare:
+        for key in (setting.partition("=")[0].strip() for setting in one.set):
+            if key.partition(".")[0] in ("hazard", "uncertainty", "observations"):
+                place, rule = "hazard.compare", "a comparison is of another fragility of the rock"
+                remedy = f"give another command with --set {key}=..."
+                raise InputError(Problem(origin.file_of(place), place, key, rule, remedy))
         try:
             site = load_site(file, one.study or study, (*settings, *one.set))
             check_peaks(site)
