@@ -73,6 +73,7 @@ def refusal(way: Mapping[str, str]) -> str:
         ("drive", product == "accuracy" and motion == "servo"),
         ("uncertainty.restitution", product in ("uncertainty", "hazard") and engine == "mujoco"),
         ("simulation.engine", motion == "six_axes" and engine == "mujoco"),
+        ("motion.pulses", motion == "six_axes" and product == "hazard"),
     ]
     return next((key for key, holds in refusals if holds), "")
 
