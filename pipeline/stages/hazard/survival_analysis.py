@@ -301,13 +301,13 @@ def _changes(
             yield name, analysis.with_first(own)
     factor = LARGEST_TO_AVERAGE
     yield (
-        f"component: PGA at the rock is {factor:g} times that of the curves, as in the largest "
-        "horizontal direction",
+        f"component: PGA at the rock is {factor:g} times that of the curves, as that of the "
+        "largest horizontal direction is to the average",
         replace(analysis, shaking=analysis.shaking.times(factor)),
     )
     yield (
-        f"component: PGA at the rock is 1/{factor:g} of that of the curves, as if these were for "
-        "the largest horizontal direction",
+        f"component: PGA at the rock is 1/{factor:g} of that of the curves, as that of the average "
+        "horizontal direction is to the largest",
         replace(analysis, shaking=analysis.shaking.times(1.0 / factor)),
     )
     for name, shaking in alternatives.items():
