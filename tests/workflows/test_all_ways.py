@@ -2,7 +2,7 @@
 
 A way is a product of a ground, shaken by a motion, in an engine, on some workers. Here go ways that
 hold each pair of these; the slow suite goes each three of these at a given time step, and each pair
-at one that is measured.
+at one that is measured. Draws of what is uncertain, of hundreds of runs, go few ways here.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ SCENES = {
     "engine": ways.ENGINES,
     "workers": ("none", "default", "scheduler"),
 }
-QUICK = ("fragility", "displacement", "uncertainty", "study", "replay")
-SLOW = ("hazard", "accuracy", "drive", "feasible")
+QUICK = ("fragility", "displacement", "study", "replay")
+SLOW = ("uncertainty", "hazard", "accuracy", "drive", "feasible")
 
 EMPTY = Figure(figsize=(0.1, 0.1))
 """In place of the pictures that take longest and have tests of their own."""
@@ -141,6 +141,11 @@ def told(way: Way) -> str:
     return "-".join(way.values())
 
 
+DRAWS: tuple[Way, ...] = (
+    {"ground": "block", "motion": "cosine", "engine": "bullet", "workers": "scheduler"},
+    {"ground": "mesh", "motion": "record", "engine": "nonsmooth", "workers": "default"},
+)
+
 RICKER: Way = {"ground": "mesh", "motion": "ricker", "engine": "bullet", "workers": "none"}
 """To the program it is a sine of another shape: one way, and the slow suite's."""
 
@@ -151,6 +156,7 @@ QUICK_WAYS = [
         together=2,
     ),
     *({"product": "fragility", **scene} for scene in (LONG_RUN, RICKER)),
+    *({"product": "uncertainty", **scene} for scene in DRAWS),
 ]
 
 
