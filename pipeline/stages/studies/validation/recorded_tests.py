@@ -303,9 +303,16 @@ def _unused(without: int, names: Iterable[str], specimens: tuple[int, ...]) -> I
             yield f"column {name} of {OUTCOMES} left out, as it says nothing here"
 
 
-@lru_cache(maxsize=2)
 def motions_of(folder: Path) -> dict[int, GroundMotion]:
     """How the table moved in each test."""
+    paths = (folder / name for name in (RECORDS, OUTCOMES, ASSUMED))
+    found = (path.stat() for path in paths if path.is_file())
+    return _motions_of(folder, tuple((one.st_mtime_ns, one.st_size, one.st_ino) for one in found))
+
+
+@lru_cache(maxsize=2)
+def _motions_of(folder: Path, stamps: object) -> dict[int, GroundMotion]:
+    """The same, once for all that ask for it in a process."""
     tests = tests_in(folder)
     if (folder / RECORDS).is_file():
         found = motions(folder, assumptions(folder).acceleration)
