@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Sequence
@@ -342,6 +343,9 @@ def held_back() -> Iterator[None]:
         came.append(number)
 
     resource_tracker.ensure_running()  # which unblocks Ctrl-C when it starts
+    if threading.current_thread() is not threading.main_thread():  # which alone hears of signals
+        yield
+        return
     before = signal.signal(signal.SIGTERM, note)  # where held by the mask, children could not end
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -57,14 +57,16 @@ def answered(path: Path, name: str) -> Answered:
     Raises
     ------
     InputError
-        If the archive has no such rock, or it slides.
+        If the archive has no such rock, or a faulty row of its name, or it slides.
     """
     archive = rock_list.read(path)
+    if name in archive.problem_of:
+        raise InputError(archive.problem_of[name])
     names = [rock.name for rock in archive.rocks]
     if name not in names:
         said = f"its rocks are {', '.join(names[:20])}" if names else "it has none"
         raise InputError(Problem(shown(path), "name", repr(name), "no such rock", said))
-    one = Archive([archive.rocks[names.index(name)]], [])
+    one = Archive([archive.rocks[names.index(name)]], [], {})
     found = answers(one.seen, shipped_equations.load().equations, np.array(PGV_PGA))
     if found.slides[0]:
         rule, remedy = "friction is above tan(alpha)", "leave it out: it slides and stands"

@@ -88,10 +88,11 @@ class ListedRock(outside.Row):
 
 @dataclass(frozen=True, eq=False)
 class Archive:
-    """Rocks of a table, and what is wrong with its other rows."""
+    """Rocks of a table, and what is wrong with its other rows: all, and by the names in them."""
 
     rocks: list[ListedRock]
     problems: list[Problem]
+    problem_of: dict[str, Problem]
 
     @property
     def seen(self) -> Seen:
@@ -126,23 +127,27 @@ def read(path: Path) -> Archive:
     rocks: list[ListedRock] = []
     problems: list[Problem] = []
     line_of: dict[str, int] = {}
+    problem_of: dict[str, Problem] = {}
     for number, fields in rows:
         where = f"{shown(path)}: line {number}"
+        name = dict(zip(names or [], fields or [], strict=False)).get("name", "")
         try:
             rock = _rock(where, names or [], fields)
         except _Wrong as wrong:
             problems.append(wrong.problem)
+            problem_of[name] = wrong.problem
             continue
         if rock.name in line_of:
             given = f"{rock.name!r}, which line {line_of[rock.name]} has, too"
-            problems.append(Problem(where, "name", given, "a rock has one row", "rename it"))
+            problem_of[name] = Problem(where, "name", given, "a rock has one row", "rename it")
+            problems.append(problem_of[name])
             continue
         line_of[rock.name] = number
         rocks.append(rock)
     _check_end(path, text, [fields or [""] for _, fields in found])
     if not rocks and not problems:
         raise outside.refused(path, "", "no row", "there is a row for each rock", "add one")
-    return Archive(rocks, problems)
+    return Archive(rocks, problems, problem_of)
 
 
 def _rows(text: str) -> list[tuple[int, list[str] | None]]:

@@ -9,7 +9,7 @@ from typing import Any
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Direction, Record
 
-_VERTICAL = re.compile(r"(?i:UP?|V|DOWN|DN|DWN|VER\w*|UD[12]?)|(?:[A-Z]{2})?Z")
+_VERTICAL = re.compile(r"(?i:UP|DOWN|DN|DWN|VER\w*|UD[12]?)|(?:[A-Z]{2})?Z")
 """Names of vertical channels: of networks' files, and SEED's codes."""
 
 _DOWN = re.compile(r"(?i:DOWN|DN|DWN)")
@@ -114,16 +114,16 @@ def doubt(components: Mapping[str, Record]) -> str:
     >>> doubt(one), doubt({"x": one["y"], "y": one["x"]})
     ('HN2 mostly points to the right of HN1: if so, x and y are to be exchanged', '')
     """
-    told = _azimuths_told(_told(components))
-    for axis, azimuth in told.items():
-        name = components[axis].channels[0].rpartition(".")[2]
+    told = _told(components)
+    for axis in sorted(told.keys() & {"x", "y"}):
+        name, azimuth = components[axis].channels[0].rpartition(".")[2], told[axis].azimuth
         named = _azimuth(name, numbered=True)
         if named is not None and abs((azimuth - named + 180) % 360 - 180) > _SQUARE:
             return f"{name} as {axis} points to {azimuth:g} deg by its file or response"
     horizontal = [components[axis] for axis in "xy" if axis in components]
     names = [one.channels[0].rpartition(".")[2] for one in horizontal]
     found = [_NUMBERED.fullmatch(name) for name in names]
-    if told or [one[1] if one else "" for one in found] != ["1", "2"]:
+    if _azimuths_told(told) or [one[1] if one else "" for one in found] != ["1", "2"]:
         return ""
     return (
         f"{names[1]} mostly points to the right of {names[0]}: if so, x and y are to be exchanged"

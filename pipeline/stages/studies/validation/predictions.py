@@ -183,6 +183,8 @@ class Compared(NamedTuple):
     Attributes
     ----------
     observed : ndarray of bool, shape (tests,), whether it overturned
+    share, calibrated, conditioned : ndarray of bool, shape (tests,)
+        Which are predicted to overturn by these, beside those without an outcome.
     """
 
     row: int
@@ -190,6 +192,9 @@ class Compared(NamedTuple):
     tests: Tests
     made: Predictions
     observed: Mask
+    share: Mask
+    calibrated: Mask
+    conditioned: Mask
 
 
 def compared(tests: Tests, made: Predictions) -> Iterator[Compared]:
@@ -198,7 +203,10 @@ def compared(tests: Tests, made: Predictions) -> Iterator[Compared]:
         observed = np.array(tests.observed.get(specimen, ()))
         if (observed >= 0).any():
             known = observed >= 0
-            yield Compared(row, specimen, tests.only(known), made.only(known), observed[known] == 1)
+            every = made.share, made.calibrated, made.conditioned
+            ours = (decided(tests, probability[row])[known] for probability in every)
+            own, those = tests.only(known), made.only(known)
+            yield Compared(row, specimen, own, those, observed[known] == 1, *ours)
 
 
 class Origin(Enum):
@@ -227,26 +235,27 @@ class Predictor(NamedTuple):
 
 def predictors(one: Compared) -> dict[str, Predictor]:
     """Gather the predictions for a specimen with outcomes."""
-    row, specimen, tests, made, observed = one
+    row, specimen, tests, made, observed = one[:5]
     motions = np.array(tests.motion)
     intensity = np.log(np.column_stack([tests.pga, tests.pgv_pga]))
     regression = logistic(intensity, observed, motions)
     velocity = logistic(intensity.sum(axis=1, keepdims=True), observed, motions)
 
-    def of(origin: Origin, probability: Array) -> Predictor:
-        return Predictor(origin, decided(tests, probability), probability)
+    def regressed(probability: Array) -> Predictor:
+        return Predictor(Origin.REGRESSION, decided(tests, probability), probability)
 
     constant = np.zeros(len(observed), dtype=bool)
     found = {
-        "ensemble": of(Origin.OURS, made.share[row]),
-        "calibrated ensemble": of(Origin.OURS, made.calibrated[row]),
+        "ensemble": Predictor(Origin.OURS, one.share, made.share[row]),
+        "calibrated ensemble": Predictor(Origin.OURS, one.calibrated, made.calibrated[row]),
         "best guess": Predictor(Origin.OURS, made.best_guess[row]),
-        "logistic of PGA and PGV/PGA": of(Origin.REGRESSION, regression),
-        "logistic of PGV": of(Origin.REGRESSION, velocity),
+        "logistic of PGA and PGV/PGA": regressed(regression),
+        "logistic of PGV": regressed(velocity),
         "always balanced": Predictor(Origin.CONSTANT, constant),
     }
     if len(set(tests.series)) > 1:
-        found["ensemble after the other series"] = of(Origin.OURS, made.conditioned[row])
+        after = Predictor(Origin.OURS, one.conditioned, made.conditioned[row])
+        found["ensemble after the other series"] = after
     for (owner, name), values in tests.published.items():
         if owner == specimen:
             found[name] = Predictor(Origin.PUBLISHED, np.array(values) == 1)

@@ -269,7 +269,11 @@ def _peak_ratios(tests: Tests, found: dict[int, GroundMotion]) -> dict[int, floa
 
 def remarks(folder: Path, tests: Tests) -> Iterator[str]:
     """In what records and table differ more than is usual, in words."""
-    if not (folder / RECORDS).is_file():
+    records, config = (folder / RECORDS).is_file(), tests.config
+    if config.stepper if records else config.acceleration:
+        name, count = ("stepper", "a") if records else ("acceleration", "no")
+        yield f"{name} of {ASSUMED} left out, as there is {count} {RECORDS}"
+    if not records:
         return
     if cut := left_out(folder, tests.config.acceleration):
         yield f"samples of {_some(cut)} after the last that n_samples counts left out"

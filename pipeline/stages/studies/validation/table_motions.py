@@ -107,7 +107,7 @@ _ALONG = ("x", "y", "z"), ("drive", "across", "up"), "012", "123"
 
 def _unit(path: Path, name: str, variable: xr.DataArray) -> float:
     """What one of its unit is [m/s2], its components along drive, across and up."""
-    along = variable["component"].values.tolist() if "component" in variable.coords else []
+    along = np.atleast_1d(variable["component"]).tolist() if "component" in variable.coords else []
     named = [str(one).strip().lower() for one in along]
     if not any(named == list(known[: len(named)]) for known in _ALONG):
         given, rule = (

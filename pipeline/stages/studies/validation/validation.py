@@ -20,6 +20,7 @@ from pipeline.stages.studies.validation.recorded_tests import (
     scans_in,
     tests_in,
 )
+from pipeline.stages.studies.validation.table_motions import RECORDS
 from pipeline.stages.uncertainty.draws import priors
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
@@ -76,7 +77,7 @@ def make(work: Work, folder: Folder) -> Product:
         "forms": forms,
         "compared": tests.observed,
         "members": tests.config.members,
-        "assumed": page.assumed(tests.config),
+        "assumed": page.assumed(tests.config, recorded=(folder.path / RECORDS).is_file()),
         "scores": list(scores.itertuples()),
         "calibration": predicted.calibration,
         "classes": page.confusions(tests, predicted),

@@ -19,7 +19,6 @@ from pipeline.stages.studies.validation.predictions import (
     Origin,
     Predictions,
     compared,
-    decided,
     predictors,
 )
 from pipeline.stages.studies.validation.recorded_tests import Tests
@@ -93,8 +92,8 @@ def failed(tests: Tests, made: Predictions) -> pd.DataFrame:
 def confusions(tests: Tests, made: Predictions) -> list[dict[str, Any]]:
     """Right and wrong predictions of the ensemble by classes of PGA and of PGV/PGA."""
     rows: list[dict[str, Any]] = []
-    for row, specimen, own, known, observed in compared(tests, made):
-        kind = 2 * decided(own, known.share[row]) + observed
+    for one in compared(tests, made):
+        specimen, own, kind = one.specimen, one.tests, 2 * one.share + one.observed
         for name, unit, values in (("PGA", "g", own.pga), ("PGV/PGA", "s", own.pgv_pga)):
             edges = np.quantile(values, np.linspace(0.0, 1.0, _CLASSES + 1))
             number = np.clip(np.searchsorted(edges, values, "right") - 1, 0, _CLASSES - 1)
@@ -107,12 +106,14 @@ def confusions(tests: Tests, made: Predictions) -> list[dict[str, Any]]:
     return rows
 
 
-def assumed(config: ShakeTableConfig) -> list[tuple[str, str, str]]:
-    """Assumptions on the tests, in words."""
-    record = config.acceleration or "the merged record, or else that of the accelerometer"
-    if config.stepper:
-        delay = 1e3 * config.stepper.overhead
-        record = f"as commanded, each motor step {delay:g} ms longer than it was to take"
+def assumed(config: ShakeTableConfig, *, recorded: bool) -> list[tuple[str, str, str]]:
+    """Assumptions on the tests, with records of the table or without, in words."""
+    table = config.acceleration or "the merged record, or else that of the accelerometer"
+    if not recorded:
+        table = "as commanded, a cosine pulse of each test's PGA and PGV/PGA"
+        if config.stepper:
+            delay = 1e3 * config.stepper.overhead
+            table += f", each motor step {delay:g} ms longer than it was to take"
     return [
         *in_words(config, "from the scan's +x"),
         (
@@ -123,7 +124,7 @@ def assumed(config: ShakeTableConfig) -> list[tuple[str, str, str]]:
         ("base without one", f"{config.base_error:g} times the error below", "base_error"),
         inset(config),
         ("density", f"{config.density:g} kg/m³, taken as known", "density"),
-        ("acceleration of the table", record, "stepper" if config.stepper else "acceleration"),
+        ("acceleration of the table", table, "acceleration" if recorded else "stepper"),
     ]
 
 
@@ -164,7 +165,7 @@ def reliability(tests: Tests, made: Predictions) -> Figure:
     compared_ones = list(compared(tests, made))
     figure, panels = _panels(compared_ones, (4.2, 1.3))
     for (above, below), one in zip(panels.T, compared_ones, strict=False):
-        row, specimen, _, known, observed = one
+        row, specimen, _, known, observed, *_ = one
         _shares(above, specimen, 0.03)
         above.set_ylabel("share of tests that overturned")
         below.set(xlabel="predicted probability of overturning", ylabel="tests", yscale="log")
@@ -229,7 +230,7 @@ def fragility(tests: Tests, made: Predictions) -> Figure:
     """Fragility curves of the experiment and of the ensemble, over PGA and PGV."""
     compared_ones = list(compared(tests, made))
     figure = Figure(figsize=(9.2, 3.8 * max(len(compared_ones), 1)), layout="constrained")
-    for at, (row, specimen, own, known, observed) in enumerate(compared_ones):
+    for at, (row, specimen, own, known, observed, *_) in enumerate(compared_ones):
         motions = np.array(own.motion)
         pga, velocity = np.array(own.pga), np.array(own.pga) * own.pgv_pga
         measures = (("peak ground acceleration [g]", pga), ("peak ground velocity [g s]", velocity))

@@ -223,6 +223,22 @@ def test_where_every_row_is_wrong_there_is_a_page_that_says_so(tmp_path: Path) -
     assert xr.load_dataset(tmp_path / "d/archives/rocks/archive.nc").sizes["rock"] == 0
 
 
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (("A,12,17,1,1,,,,,", "A,22,27,1,1,,,,,"), "line 3: name: got 'A', which line 2 has, too"),
+        (("A,12,x,1,1,,,,,", "A,22,27,1,1,,,,,"), "line 2: alpha_2_deg: got 'x'"),
+    ],
+)
+def test_a_rock_with_a_faulty_row_of_its_name_stands_nowhere(
+    tmp_path: Path, rows: tuple[str, ...], words: str
+) -> None:
+    path = written(tmp_path, *rows, "B,12,17,1,1,,,,,")
+    with pytest.raises(InputError, match=words):
+        archived_rock.answered(path, "A")
+    assert archived_rock.answered(path, "B").static > 0.0
+
+
 def test_draws_of_a_rock_are_its_fragility(tmp_path: Path) -> None:
     """What is not known of a rock is the same in all rows, and its draws spread as the band."""
     path = written(tmp_path, "A,12,17,0.84,0.86,,40,,,")

@@ -180,3 +180,23 @@ def test_tests_without_an_outcome_are_predicted_and_not_scored(made: Predictions
     scores = validation_page.scored(some, made).set_index(["predictor", "subset"])
     assert scores.loc[("ensemble", "all"), "n"] == 9
     assert made.share.shape == (2, 12)
+
+
+def test_what_is_predicted_does_not_depend_on_which_tests_have_an_outcome(
+    made: Predictions,
+) -> None:
+    """Half of the members fell in test 21: above the mean of all, below that of those chosen."""
+    chosen = [3, 4, 5, 6, 10]
+    some = replace(
+        TESTS, observed={1: tuple(OBSERVED[n] if n in chosen else -1 for n in range(12))}
+    )
+    (one,) = predictions.compared(some, made)
+    shares = np.array(COUNTED[1][0]) / 4
+    expected = (shares > shares.mean())[chosen]
+    assert (expected != (shares[chosen] > shares[chosen].mean())).any()
+    known = predictions.predictors(one)["ensemble"]
+    np.testing.assert_array_equal(known.sides, expected)
+    told = predictions.dataset(some, made)["predicted"].sel(specimen=1).values
+    np.testing.assert_array_equal(told[chosen], expected)
+    hits = sum(row["hits"] for row in validation_page.confusions(some, made)) / 2
+    assert hits == (expected & (np.array(OBSERVED)[chosen] == 1)).sum()

@@ -12,8 +12,15 @@ import xarray as xr
 from support.recorded_tests import recorded_tests
 
 from pipeline.config.problems import InputError
-from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS, motions_of, remarks
+from pipeline.stages.studies.validation.recorded_tests import (
+    ASSUMED,
+    OUTCOMES,
+    RECORDS,
+    motions_of,
+    remarks,
+)
 from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
+from pipeline.stages.studies.validation.validation_page import assumed
 
 Change = Callable[[xr.Dataset], xr.Dataset]
 
@@ -115,6 +122,34 @@ def told(folder: Path, change: Change) -> list[str]:
 @pytest.mark.parametrize("names", [["X", "Y"], ["drive", "across"], [0, 1], [1, 2]])
 def test_components_may_have_these_names(tmp_path: Path, names: list[Any]) -> None:
     assert motions_of(changed(tmp_path, along(names)))
+
+
+@pytest.mark.parametrize("name", ["x", "drive", 0])
+def test_one_component_may_be_left_of_several(tmp_path: Path, name: Any) -> None:
+    first = motions_of(changed(tmp_path, lambda data: data))
+    one = motions_of(changed(tmp_path, lambda data: data.assign_coords(component=name)))
+    assert one[1].peak_acceleration == first[1].peak_acceleration
+    with pytest.raises(InputError, match="got components up"):
+        motions_of(changed(tmp_path, lambda data: data.assign_coords(component="up")))
+
+
+@pytest.mark.parametrize("recorded", [True, False])
+def test_what_is_not_used_of_the_table_is_told(tmp_path: Path, recorded: bool) -> None:
+    folder = changed(tmp_path, lambda data: data)
+    given = {
+        "stepper": "stepper: {rate: 1000, step: 0.00001, overhead: 0.00001}\n",
+        "acceleration": "acceleration: merged\n",
+    }
+    used, left = ("acceleration", "stepper") if recorded else ("stepper", "acceleration")
+    if not recorded:
+        (folder / RECORDS).unlink()
+    before = (folder / ASSUMED).read_text() if (folder / ASSUMED).exists() else ""
+    (folder / ASSUMED).write_text(before + given[left])
+    tests = read_tests(folder)
+    line = f"{left} of table.yaml left out, as there is {'a' if recorded else 'no'} records.nc"
+    assert line in list(remarks(folder, tests))
+    ((_, words, key),) = (one for one in assumed(tests.config, recorded=recorded) if one[2] == used)
+    assert words.startswith("the merged record" if recorded else "as commanded"), key
 
 
 def test_records_that_fit_the_table_are_not_told(tmp_path: Path) -> None:
