@@ -41,7 +41,7 @@ INPUTS = tuple(
         ("stages.observations.shaking", "find", "ShakenBy"),
         ("stages.hazard.curve_folder", "find", "Curves"),
         ("stages.hazard.fault_files", "find", "Faults"),
-        ("stages.hazard.rock_fragility", "find", "Others"),
+        ("stages.hazard.other_rocks", "find", "Others"),
         ("stages.studies.validation.recorded_tests", "find", "Folder"),
     )
 )

@@ -828,9 +828,36 @@ def test_a_comparison_that_changes_no_fragility_is_refused(
     refused: Callable[..., str], write_site: Callable[..., str]
 ) -> None:
     site = write_site(BOX + GRID + HAZARD)
-    compare = "hazard.compare=[{name: young, set: [hazard.age.mean=99]}]"
-    words = ("hazard.compare", "got hazard.age.mean", "another fragility")
-    refused("run", "hazard", "--site", site, "--set", compare, words=words)
+    study = Path(site).with_name("young.yaml")
+    study.write_text("hazard: {age: {mean: 99}}\n")
+    for given, got in (
+        ("set: [hazard.age.mean=99]", "hazard.age.mean"),
+        (f"study: {study}", "hazard"),
+    ):
+        compare = f"hazard.compare=[{{name: young, {given}}}]"
+        words = ("hazard.compare", f"got {got};", "another fragility")
+        refused("run", "hazard", "--site", site, "--set", compare, words=words)
+
+
+def test_stages_of_a_rock_keep_their_settings_but_not_those_of_the_hazard(
+    refused: Callable[..., str],
+    vsr: Callable[..., Ran],
+    write_site: Callable[..., str],
+    tmp_path: Path,
+) -> None:
+    write_site(BOX + GRID, name="buried")
+    site = write_site(BOX + GRID + EXHUMED)
+    (tmp_path / "ages.csv").write_text("age_a\n2500\n4000\n", encoding="utf-8")
+    for name, text in (
+        ("rule", "hazard: {minimum_survival_probability: 0.1}"),
+        ("smooth", "contact: {friction: 0.3}"),
+    ):
+        (tmp_path / f"{name}.yaml").write_text(text)
+    given = ("--site", site, "--study")
+    ran = vsr("plan", "hazard", *given, tmp_path / "rule.yaml")
+    assert ran.code == cli.DONE, ran.err
+    words = ("hazard.history", "smooth.yaml", "keep the settings")
+    refused("run", "hazard", *given, tmp_path / "smooth.yaml", words=words)
 
 
 def test_another_rock_takes_no_folder_of_a_site_of_its_name(

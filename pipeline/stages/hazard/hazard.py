@@ -33,8 +33,9 @@ from pipeline.stages.hazard.hazard_dataset import (
     table,
 )
 from pipeline.stages.hazard.hazard_model import MOST_PGA
+from pipeline.stages.hazard.other_rocks import Others
 from pipeline.stages.hazard.rock_ages import ages_of, back_to, of_age, years_observed
-from pipeline.stages.hazard.rock_fragility import Others, of_fits, of_members
+from pipeline.stages.hazard.rock_fragility import of_fits, of_members
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, DRAWN_AGAIN, AssumedShaking, of_hazard
 from pipeline.stages.hazard.survival_analysis import (
     AS_SCANNED,

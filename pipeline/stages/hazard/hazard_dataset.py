@@ -103,13 +103,16 @@ def survival_range(analysis: SurvivalAnalysis, others: Array) -> tuple[Array, Ar
 def survival_error(analysis: SurvivalAnalysis, others: Array) -> Array:
     """Standard error of survival for the number of draws, shape (branches,); none of fits.
 
+    Of several rocks the one with the fewest counts: of it draws come again beside those of others.
+
     Parameters
     ----------
     others : ndarray, shape (n, branches)
     """
-    if not analysis.drawn or len(others) < 2:
+    number = min((rock.draws for rock in analysis.rocks if rock.drawn), default=0)
+    if number < 2:
         return np.zeros(len(analysis.curves))
-    return np.asarray(others.std(axis=0, ddof=1) / np.sqrt(len(others)))
+    return np.asarray(others.std(axis=0, ddof=1) / np.sqrt(number))
 
 
 def table(found: xr.Dataset) -> pd.DataFrame:

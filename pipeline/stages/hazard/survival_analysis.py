@@ -59,11 +59,19 @@ class DatedRock:
     earlier: tuple[tuple[RockFragility, Array], ...] = ()
 
     @property
+    def stages(self) -> tuple[RockFragility, ...]:
+        """As it stands now, and in its earlier stages, the latest first."""
+        return (self.fragility, *(one for one, _ in self.earlier))
+
+    @property
+    def draws(self) -> int:
+        """Number of its draws, of which one is the rock; 0 where there are none in any stage."""
+        return max(len(one.others) if one.source == DRAWN else 0 for one in self.stages)
+
+    @property
     def drawn(self) -> bool:
-        """Whether it has draws, of which one is the rock, now or in an earlier stage."""
-        return any(
-            one.source == DRAWN for one in (self.fragility, *(one for one, _ in self.earlier))
-        )
+        """Whether it has draws."""
+        return self.draws > 0
 
     def aged(self, age: Array) -> DatedRock:
         """The same at one age, shape (1,); of its stages the draws that had ended since."""
@@ -153,14 +161,13 @@ class SurvivalAnalysis:
         if self.drawn and not rock.drawn:
             return [standing]
         kind = DRAWN if rock.drawn else FITTED
-        stages = (rock.fragility, *(one for one, _ in rock.earlier))
         found = []
-        for i in range(max(len(one.others) for one in stages if one.source == kind)):
+        for i in range(rock.draws or len(rock.fragility.others)):
             now, *earlier = (
                 self.shaking.fragility(one.others[i % len(one.others)], one.ratios)
                 if one.source == kind
                 else mean
-                for one, mean in zip(stages, standing.fragilities, strict=True)
+                for one, mean in zip(rock.stages, standing.fragilities, strict=True)
             )
             until = [one for _, one in rock.earlier]
             found.append(Standing(now, rock.ages, tuple(map(Stage, earlier, until))))

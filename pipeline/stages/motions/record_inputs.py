@@ -21,6 +21,7 @@ from pipeline.workflow.keys import digest_file
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records import formats
 from vsr_core.motions.records.components import Components
+from vsr_core.motions.records.directions import check_directions
 from vsr_core.motions.records.formats import SUFFIXES
 from vsr_core.motions.records.processing import process
 from vsr_core.motions.records.record import Record, check_rest, repaired
@@ -136,6 +137,7 @@ def in_order(ready: list[Ready]) -> list[Ready]:
 
 def _ready(path: Path, response: bytes | None, motion: RecordConfig) -> Ready:
     record = repaired(read(path, response, motion).channel(motion.component))
+    check_directions({"x": record})
     trace = processed(record, motion)
     return Ready(path.stem, shown(path), record, trace, measures(trace))
 

@@ -52,7 +52,7 @@ def _of_trace(trace: Any, inventory: Any | None) -> Direction | None:
 
 def check_directions(components: Mapping[str, Record]) -> None:
     """Refuse components of which x and y are not horizontal, with y to the left, or z not up."""
-    rule, remedy = "x and y are two horizontal components", "name another channel or file"
+    rule, remedy = "x and y are horizontal", "leave it out, or name another channel or file"
     names = {axis: one.channels[0].rpartition(".")[2] for axis, one in components.items()}
     known: dict[str, float] = {
         axis: azimuth

@@ -72,14 +72,12 @@ class Predictions:
 
 
 def forms(scans: dict[int, trimesh.Trimesh]) -> dict[int, Form]:
-    """Form of each specimen, with the next specimen's scan as a replica if it is one."""
-    numbers = list(scans)
-    return {
-        number: form(
-            scans[number], scans[numbers[(at + 1) % len(numbers)]] if len(numbers) > 1 else None
-        )
-        for at, number in enumerate(numbers)
-    }
+    """Form of each specimen, with the next specimen's scan as a replica if it is another of one."""
+    found, numbers = {}, list(scans)
+    for at, number in enumerate(numbers):
+        own, other = scans[number], scans[numbers[(at + 1) % len(numbers)]]
+        found[number] = form(own, None if np.array_equal(own.vertices, other.vertices) else other)
+    return found
 
 
 def undecided(tests: Tests, specimen: int, of: Form, found: Outcomes) -> tuple[int, ...]:

@@ -174,6 +174,15 @@ def test_a_rock_of_fits_that_has_just_come_leaves_the_draws_of_another(first: bo
         assert not both.with_first(replace(drawn, fragility=fits)).drawn
 
 
+def test_draws_that_come_again_beside_those_of_another_make_no_error_smaller() -> None:
+    drawn = DatedRock("drawn", ensemble([0.3, 0.6], 2000), np.array([1000.0]))
+    fresh = DatedRock("fresh", ensemble([0.4] * 20), np.array([1e-6]))
+    alone, both = (of_curves(model(1e-4), *rocks) for rocks in ([drawn], [fresh, drawn]))
+    error, alike = (survival_error(one, one.survival_of_others()) for one in (alone, both))
+    # with the variance of 20 values in place of that of two: 1 / (1 - 1/2) is 1 / (1 - 1/20)
+    np.testing.assert_allclose(alike, error * np.sqrt(0.5 / 0.95), rtol=1e-6)
+
+
 def test_an_earlier_stage_has_its_draws_where_the_rock_has_none_now() -> None:
     """It has just come out of what let it stand for 1,000 years with 0.1 or with 0.8."""
     drawn, years = ensemble([0.3, 0.6], 2000), np.array([1000.0])

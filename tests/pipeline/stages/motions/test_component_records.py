@@ -180,7 +180,7 @@ AT2 = "Made up, 11/21/2026, Nowhere Creek, 000"
         ("Made up, 11/21/2026, Nowhere Creek, 045", "090 as x and 045 as y"),
         (
             "Made up, 11/21/2026, Nowhere Creek, UP",
-            "UP as y, which is vertical; x and y are two horizontal",
+            "UP as y, which is vertical; x and y are horizontal",
         ),
         (AT2, ""),
     ],

@@ -209,6 +209,19 @@ def test_a_record_whose_name_no_product_can_hold_is_refused(
     refused("run", "motions", "--site", where, words=("whose name is not in UTF-8",))
 
 
+def test_the_vertical_one_in_a_folder_of_components_is_no_shaking_along_x(
+    tmp_path: Path, refused: Refused
+) -> None:
+    """As networks pack them: two to the sides and one up, each in a file of its own."""
+    (tmp_path / "quake").mkdir()
+    for name in ("090", "UP"):
+        text = files.at2(files.shaking(1, 100.0, 6.0, 5.0, 0.5), 0.01)
+        (tmp_path / "quake" / f"RSN9_{name}.AT2").write_text(text.replace(", 090\n", f", {name}\n"))
+    where = site(tmp_path, f"files: quake, {NONE}, pga: [1]")
+    words = ("motion.files: got", "RSN9_UP.AT2, UP as x, which is vertical", "leave it out")
+    refused("run", "motions", "--site", where, words=words)
+
+
 def test_plan_names_the_records(folder: Path, vsr: Vsr) -> None:
     said = vsr("plan", "--site", folder / "rock.yaml").out
     assert "records: 3, each at 5 PGA" in said

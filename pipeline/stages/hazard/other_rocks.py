@@ -1,0 +1,209 @@
+"""What a hazard reads beside the rock: others at the place, other settings, earlier stages."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pipeline.config.hazard_schema import Comparison, HazardConfig, HazardRock
+from pipeline.config.layers import Origin, Site, load_site
+from pipeline.config.paths import located, shown
+from pipeline.config.problems import InputError, Problem
+from pipeline.stages.archive import shipped_equations
+from pipeline.stages.archive.archived_rock import answered
+from pipeline.stages.fragility.summary import Fits
+from pipeline.stages.hazard.ground_shaking import check_peaks
+from pipeline.stages.hazard.rock_fragility import RockFragility, of_fits, of_members, of_photograph
+from pipeline.stages.uncertainty.draws import EnsembleData
+from pipeline.workflow import graph, keys, site_folder
+from pipeline.workflow.stage import Input
+
+
+@dataclass(frozen=True)
+class Other:
+    """A fragility beside the site's own.
+
+    Attributes
+    ----------
+    derived : str, folder of derived data relative to that of the site's own products
+    """
+
+    name: str
+    site: Site
+    derived: str
+    uncertain: bool = False
+
+    @property
+    def stage(self) -> str:
+        """Stage that makes its fragility."""
+        return "uncertainty" if self.uncertain else "fragility"
+
+    def folder(self, own: Path) -> Path:
+        """Folder of its products, which another site of its name has not."""
+        derived = Path(os.path.normpath(own / self.derived))
+        return site_folder.store_of(self.site, derived, None).folder
+
+    def fragility(self, own: Path) -> RockFragility:
+        """What its products say.
+
+        Parameters
+        ----------
+        own : Path, of the site's own products
+        """
+        folder = self.folder(own)
+        return of_members(EnsembleData(folder).data) if self.uncertain else of_fits(Fits(folder))
+
+
+@dataclass(frozen=True)
+class Archived:
+    """A rock of an archive, whose fragility no runs are needed for."""
+
+    name: str
+    path: Path
+
+    def fragility(self, own: Path) -> RockFragility:
+        """What the equations say; nothing is beside the site's ``own`` products."""
+        return of_photograph(answered(self.path, self.name))
+
+
+@dataclass(frozen=True)
+class Others(Input):
+    """Other rocks at the place, the rock with other settings, and as it stood before."""
+
+    rocks: tuple[Other | Archived, ...]
+    compared: tuple[Other, ...]
+    earlier: tuple[Other, ...]
+
+    def digests(self) -> dict[str, str]:
+        """Keys of their products, and digests of archives and their equations."""
+        found = {
+            f"{one.derived}/{one.site.name}": graph.identities(one.stage, one.site)[one.stage].key
+            for one in self.made
+        }
+        for one in self.rocks:
+            if isinstance(one, Archived):
+                found[f"archive of {one.name}"] = keys.digest_file(one.path)
+                found["equations"] = shipped_equations.digest()
+        return found
+
+    @property
+    def made(self) -> tuple[Other, ...]:
+        """Those with products of their own."""
+        rocks = (one for one in self.rocks if isinstance(one, Other))
+        return (*rocks, *self.compared, *self.earlier)
+
+
+def find(hazard: HazardConfig, origin: Origin) -> Others:
+    """What a site's hazard names beside the site itself."""
+    assert origin.request is not None
+    file, study, settings = origin.request
+    if hazard.history:
+        _check_request(origin, study, settings)
+    earlier = tuple(_of_site(one.site, origin, "hazard.history") for one in hazard.history)
+    rocks = tuple(_other(rock, origin) for rock in hazard.rocks)
+    named = [origin.name]
+    for key, others in (("hazard.history", earlier), ("hazard.rocks", rocks)):
+        for other in others:
+            if other.name in named:
+                file, given = origin.file_of(key), f"{other.name} twice"
+                rule = "each rock is counted once, and has a name of its own"
+                raise InputError(Problem(file, key, given, rule, "leave it out, or rename"))
+            named.append(other.name)
+    folders = [folder_of(one.name) for one in hazard.compare]
+    if len(set(folders)) < len(folders):
+        twice = next(one.name for one in hazard.compare if folders.count(folder_of(one.name)) > 1)
+        file, rule = origin.file_of("hazard.compare"), "a comparison has a name of its own"
+        raise InputError(Problem(file, "hazard.compare", f"{twice!r} twice", rule, "rename one"))
+    compared = []
+    for one in hazard.compare:
+        try:
+            site = load_site(file, one.study or study, (*settings, *one.set))
+            check_peaks(site)
+        except InputError as error:
+            raise _of_comparison(origin, one.name, error) from None
+        _check_comparison(origin, one, site)
+        compared.append(Other(one.name, site, folder_of(one.name)))
+    return Others(rocks, tuple(compared), earlier)
+
+
+def _check_comparison(origin: Origin, one: Comparison, site: Site) -> None:
+    """Refuse a comparison by what is no part of a rock's fragility."""
+    keys = [setting.partition("=")[0].strip() for setting in one.set]
+    of_study = _set_by_study(site) if one.study else set()
+    others = [key for key in keys if key.partition(".")[0] in _NOT_COMPARED]
+    if of_study and of_study <= _NOT_COMPARED and not keys:
+        others = sorted(of_study)
+    if others:
+        place, rule = "hazard.compare", "a comparison is of another fragility of the rock"
+        remedy = "give another command with it"
+        raise InputError(Problem(origin.file_of(place), place, others[0], rule, remedy))
+
+
+_NOT_COMPARED = {"hazard", "uncertainty", "observations"}
+
+
+def _set_by_study(origin: Origin) -> set[str]:
+    """Sections in which a study sets keys."""
+    own = shown(origin.path), "--"
+    return {key[0] for key, (at, _) in origin.places.items() if not at.startswith(own)}
+
+
+def _of_comparison(origin: Origin, name: str, error: InputError) -> InputError:
+    """The same refusals, which say that they are of a comparison and not of the site itself."""
+    file = origin.file_of("hazard.compare")
+    return InputError(
+        *(
+            replace(
+                one,
+                file=file,
+                key=f"hazard.compare: {name}: {one.key}",
+                remedy=f"{one.remedy}, or compare with nothing: --set hazard.compare=[]",
+            )
+            for one in error.problems
+        )
+    )
+
+
+def _check_request(origin: Origin, study: str | None, settings: tuple[str, ...]) -> None:
+    """Refuse what would change the rock as it stands now, and not as it stood before."""
+    own = [one for one in settings if not one.startswith(("hazard.", "simulation."))]
+    of_study = _set_by_study(origin) - {"hazard", "simulation"}
+    if of_study or own:
+        given = f"the study {study}" if of_study else f"--set {own[0]}"
+        rule = "stages of a rock keep the settings of their own files"
+        remedy = "write it into the files of the rock and of its stages"
+        raise InputError(
+            Problem(origin.file_of("hazard.history"), "hazard.history", given, rule, remedy)
+        )
+
+
+def _other(rock: HazardRock, origin: Origin) -> Other | Archived:
+    """Another rock; one of an archive is read already, so that no run precedes its refusal."""
+    key, name = "hazard.rocks", rock.site
+    if rock.archive is not None:
+        path = located(origin.folder_of(key), rock.archive, origin.file_of(key), key)
+        answered(path, name)
+        return Archived(name, path)
+    return _of_site(name, origin, key)
+
+
+def _of_site(name: str, origin: Origin, key: str) -> Other:
+    """A rock by the site that a key names."""
+    if name.endswith((".yaml", ".yml")):
+        name = str(origin.folder_of(key) / name)
+    site = load_site(name)
+    check_peaks(site)
+    return Other(site.name, site, "..", site.config.uncertain)
+
+
+def folder_of(name: str) -> str:
+    """Folder of a comparison, below the site's own products.
+
+    Examples
+    --------
+    >>> folder_of("friction 0.4")
+    'compared/friction_0.4'
+    """
+    return "compared/" + re.sub(r"[^A-Za-z0-9._-]", "_", name)
