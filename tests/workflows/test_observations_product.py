@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from support import record_files
 
 from pipeline.stages.observations import observations, shaking
 from vsr_core import GRAVITY
@@ -202,7 +203,9 @@ def test_what_shaking_taught_is_told_of_the_draws_that_were_shaken(
     )
 
 
-@pytest.mark.parametrize("kind", ["a pipe", "a device", "too large", "no numbers", "an offset"])
+@pytest.mark.parametrize(
+    "kind", ["a pipe", "a device", "too large", "no numbers", "an offset", "up"]
+)
 def test_a_motion_that_is_no_file_of_numbers_is_refused_at_once(
     vsr: Callable[..., Any], write_site: Callable[..., str], tmp_path: Path, kind: str
 ) -> None:
@@ -214,6 +217,11 @@ def test_a_motion_that_is_no_file_of_numbers_is_refused_at_once(
     elif kind == "too large":
         with path.open("wb") as file:
             file.truncate(2**30)
+    elif kind == "up":
+        path = tmp_path / "motion.at2"
+        path.write_text(
+            record_files.at2(np.sin(np.arange(600) / 20.0), 0.01).replace(" 090\n", " UP\n")
+        )
     elif kind == "an offset":
         rows = [f"{0.01 * i:.2f},{3.0 + np.sin(i)}" for i in range(400)]
         path.write_text("\n".join(["time,acceleration [m/s2]", *rows]) + "\n")

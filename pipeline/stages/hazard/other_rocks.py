@@ -131,10 +131,8 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
 def _check_comparison(origin: Origin, one: Comparison, site: Site) -> None:
     """Refuse a comparison by what is no part of a rock's fragility."""
     keys = [setting.partition("=")[0].strip() for setting in one.set]
-    of_study = _set_by_study(site) if one.study else set()
+    keys += sorted(_set_by_study(site)) if one.study else []
     others = [key for key in keys if key.partition(".")[0] in _NOT_COMPARED]
-    if of_study and of_study <= _NOT_COMPARED and not keys:
-        others = sorted(of_study)
     if others:
         place, rule = "hazard.compare", "a comparison is of another fragility of the rock"
         remedy = "give another command with it"

@@ -28,6 +28,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.records import formats
+from vsr_core.motions.records.directions import check_directions
 from vsr_core.motions.records.record import check_end, repaired
 from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.run.cases import Settings
@@ -77,6 +78,7 @@ class ShakenBy(Input):
             reading = formats.Reading(test.component, test.unit, None, None)
             every = formats.read_all(held(path, LARGEST_FILE), path.suffix, reading)
             record = repaired(every.channel(test.component))
+            check_directions({"x": record})
             trace = Trace(record.acceleration, record.interval)
             check_end(trace)
         except InvalidInput as error:

@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.config import in_si
 from pipeline.config.motion_schema import MotionConfig, RecordConfig
+from pipeline.config.problems import InputError, Problem
 from pipeline.stages.motions.motion_grid import MotionFiles
 from pipeline.stages.runs.scenes import Group, Scenes, flat_scene
 from pipeline.workflow.stage import Work
@@ -220,6 +221,11 @@ def rows(
     Returns
     -------
     dict, from the name of a drive and a PGV/PGA [s] to a Bracket [g]
+
+    Raises
+    ------
+    InputError
+        Where a drive follows none of the pulses.
     """
     limits_of = scenes.standing.barrier
     cases = {
@@ -229,6 +235,11 @@ def rows(
     own = None if isinstance(motion, RecordConfig) else motion.pgv_pga
     ends = own or DEFAULT_RATIOS
     held = max(drive.servo.command_period for drive in drives if drive.servo)
+    if held > PERIOD_SHARE * ends[-1]:
+        given = f"a command every {1e3 * held:.4g} ms for pulses of a PGV/PGA up to {ends[-1]:g} s"
+        rule = f"a servo follows a pulse at periods up to {PERIOD_SHARE:g} of it"
+        remedy = "raise command_rate, or give longer pulses"
+        raise InputError(Problem(work.origin.file_of("servo"), "servo", given, rule, remedy))
     ratios = np.geomspace(max(ends[0], held / PERIOD_SHARE, 0.05 * ends[-1]), ends[-1], ROWS)
     limits = cases[drives[0].name].static_limits
     lowest = in_si.in_g(min(-limits[0], limits[1]))

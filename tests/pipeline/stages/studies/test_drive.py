@@ -181,6 +181,17 @@ def test_an_unstable_servo_is_refused_though_it_is_idle(
     refused(*line, words=words)
 
 
+def test_pulses_that_no_drive_follows_are_refused(
+    vsr: Callable[..., object], write_site: Callable[..., str]
+) -> None:
+    """Commands every 0.2 s do not make a pulse of 0.04 s; those of 0.5 s and more are left."""
+    site = write_site(SITE)
+    short = ("--set", "motion.pgv_pga=[0.03, 0.04]", "--set", "servo.command_rate=5")
+    ran = vsr("run", "drive", "--site", site, "--workers", "0", *short)
+    assert ran.code == 2, ran.err  # type: ignore[attr-defined]
+    assert "servo: got a command every 200 ms" in ran.err  # type: ignore[attr-defined]
+
+
 def test_a_servo_of_the_site_is_one_case_more() -> None:
     assert len(drive_runs.drives(HELD)) == len(drive_runs.drives(PUBLISHED)) == 3
     own = replace(PUBLISHED, kp=3e7)
