@@ -152,7 +152,10 @@ def _overlap(pulses: list[xr.Dataset]) -> Finding:
 
 def _disturbance(record: xr.Dataset) -> Finding:
     claim = "The toppling rock disturbs the table's velocity for an instant; the servo corrects it."
-    rule = f"an error {STANDS_OUT:g} times that before the fall, down to a tenth within {QUICK:g} s"
+    rule = (
+        f"an error {STANDS_OUT:g} times the rms before the fall, and within {QUICK:g} s no larger "
+        "than the largest then"
+    )
     if record["tilt"].max() <= FALLS:
         return Finding("Fig. 7b, section 4.1", claim, rule, "the rock does not topple", None)
     error, time, at = np.abs(_error(record)), record["time"].values, _push(record)
