@@ -335,7 +335,6 @@ def test_what_is_wrong_is_told_in_one_line(
     tmp_path: Path, refused: Callable[..., str], changes: dict[str, object], words: tuple[str, ...]
 ) -> None:
     folder = write_tests(tmp_path / "wrong", **changes)
-    recorded_tests.motions_of.cache_clear()
     refused("run", "validation", "--table", folder, "--workers", 0, words=words)
 
 
