@@ -244,7 +244,11 @@ def test_settings_of_dask_that_are_no_yaml(tmp_path: Path, place: str, name: str
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("COMM__TIMEOUTS__CONNECT", "abc"), ("LOGGING__DISTRIBUTED", "bogus")]
+    ("name", "value"),
+    [
+        pytest.param("COMM__TIMEOUTS__CONNECT", "abc", marks=pytest.mark.slow),
+        ("LOGGING__DISTRIBUTED", "bogus"),
+    ],
 )
 def test_settings_of_dask_that_it_does_not_take(tmp_path: Path, name: str, value: str) -> None:
     setting = {f"DASK_DISTRIBUTED__{name}": value}
