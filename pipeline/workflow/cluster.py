@@ -20,7 +20,7 @@ from typing import Any
 from pipeline.config.outside import check_regular
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.dispatch import Dispatch
-from pipeline.workflow.library_settings import MEND_DASK, unread
+from pipeline.workflow.outside_settings import MEND_DASK, unread
 from pipeline.workflow.workers import BATCHES_IN_FLIGHT, Batch, Done
 from vsr_core.errors import InvalidInput
 

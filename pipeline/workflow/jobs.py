@@ -16,8 +16,8 @@ from pipeline.config.sweep import Sweep, load_sweep
 from pipeline.config.yaml_text import in_yaml
 from pipeline.workflow import graph, site_folder
 from pipeline.workflow.cluster import Cluster
-from pipeline.workflow.library_settings import check_settings
 from pipeline.workflow.log import complain, log
+from pipeline.workflow.outside_settings import check_settings
 from pipeline.workflow.products import DELIVERABLES, GRIDDED
 from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import Store
