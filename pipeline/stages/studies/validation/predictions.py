@@ -233,7 +233,8 @@ class Predictor(NamedTuple):
 
 def predictors(one: Compared) -> dict[str, Predictor]:
     """Gather the predictions for a specimen with outcomes."""
-    row, specimen, tests, made, observed = one[:5]
+    row, specimen, tests = one.row, one.specimen, one.tests
+    made, observed = one.made, one.observed
     motions = np.array(tests.motion)
     intensity = np.log(np.column_stack([tests.pga, tests.pgv_pga]))
     regression = logistic(intensity, observed, motions)

@@ -165,7 +165,7 @@ def reliability(tests: Tests, made: Predictions) -> Figure:
     compared_ones = list(compared(tests, made))
     figure, panels = _panels(compared_ones, (4.2, 1.3))
     for (above, below), one in zip(panels.T, compared_ones, strict=False):
-        row, specimen, _, known, observed, *_ = one
+        row, specimen, known, observed = one.row, one.specimen, one.made, one.observed
         _shares(above, specimen, 0.03)
         above.set_ylabel("share of tests that overturned")
         below.set(xlabel="predicted probability of overturning", ylabel="tests", yscale="log")
@@ -230,7 +230,9 @@ def fragility(tests: Tests, made: Predictions) -> Figure:
     """Fragility curves of the experiment and of the ensemble, over PGA and PGV."""
     compared_ones = list(compared(tests, made))
     figure = Figure(figsize=(9.2, 3.8 * max(len(compared_ones), 1)), layout="constrained")
-    for at, (row, specimen, own, known, observed, *_) in enumerate(compared_ones):
+    for at, one in enumerate(compared_ones):
+        row, specimen, own = one.row, one.specimen, one.tests
+        known, observed = one.made, one.observed
         motions = np.array(own.motion)
         pga, velocity = np.array(own.pga), np.array(own.pga) * own.pgv_pga
         measures = (("peak ground acceleration [g]", pga), ("peak ground velocity [g s]", velocity))
