@@ -76,6 +76,12 @@ def clean(mesh: trimesh.Trimesh, *, alone: bool = False) -> Cleaned:
             moved = ", ".join(f"{-x:.0f}" for x in offset)
             notes.append(f"moved by ({moved}) m to near the origin")
     origin, faces = _merged(vertices, faces, notes)
+    if len(faces) == 0:
+        raise InvalidInput(
+            "a scan without a face between three finite points",
+            "a scan has a surface",
+            "export the scan again",
+        )
     vertices = vertices[origin]
     faces = with_area(vertices, faces, notes)
     faces = _manifold(vertices, faces, notes)

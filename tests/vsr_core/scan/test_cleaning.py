@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from vsr_core.errors import InvalidInput
+from vsr_core.scan.cleaning import clean
 from vsr_core.scan.cuts import Box
 from vsr_core.scan.preparation import prepare_scan
 from vsr_core.scan.weighing import Refused
@@ -67,3 +69,16 @@ def test_a_rock_of_faces_that_all_touch_the_seam(half: float) -> None:
     cut = Box((-half, -half, 0.01), (half, half, 1.0))
     with pytest.raises(Refused, match="all of whose faces touch the seam at"):
         prepare_scan(lambda: mesh, cut, closing="caps", density=2000.0, tell=str)
+
+
+@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("height", [np.inf, np.nan])
+def test_a_scan_whose_faces_all_have_a_corner_that_is_not_finite(
+    height: float, alone: bool
+) -> None:
+    around = [[np.cos(x), np.sin(x), 0.0] for x in np.linspace(0.0, 2.0 * np.pi, 9)]
+    fan = trimesh.Trimesh(
+        [[0.0, 0.0, height], *around], [[0, k, k + 1] for k in range(1, 9)], process=False
+    )
+    with pytest.raises(InvalidInput, match="without a face between three finite points"):
+        clean(fan, alone=alone)
