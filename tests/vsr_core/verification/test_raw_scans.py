@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import time
+from typing import Any
+
 import numpy as np
 import pytest
 
 from vsr_core import GRAVITY
-from vsr_core.verification.stability import Verdict
+from vsr_core.run import displacement
+from vsr_core.scene import State
+from vsr_core.verification.stability import Verdict, _field
 from vsr_core.verification.stability._field import tipping_limit
-from vsr_core.verification.stability.raw_scans import CASES, swings
+from vsr_core.verification.stability.raw_scans import CASES, FIELDS, SETTLING, swings
 
 pytestmark = pytest.mark.usefixtures("few_samples")
 
@@ -31,6 +36,24 @@ def test_verdict(name: str) -> None:
     rolls = name.endswith("verdicts") and ", 1 unsettled;" in found.note
     allowed = (Verdict.RIGHT, Verdict.FLAGGED) if rolls else (Verdict.RIGHT,)
     assert found.verdict in allowed, found
+
+
+def test_machine_code_that_is_compiled_first_is_no_part_of_settling(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    settled, called = displacement.settled, []
+
+    def compiling_first(*given: Any) -> State:
+        begun = time.thread_time()
+        while not called and time.thread_time() < begun + SETTLING:
+            pass
+        called.append(given)
+        return settled(*given)
+
+    monkeypatch.setattr(displacement, "settled", compiling_first)
+    for kept in (_field.settled, _field._load_the_engine):
+        kept.cache_clear()
+    assert _field.settled(FIELDS["rough ground, sunk 1 cm"]).seconds < SETTLING
 
 
 def test_a_block_tips_about_its_nearest_edge() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -25,7 +25,7 @@ from vsr_core.scene import Contact, Scene, State
 from vsr_core.surrogates.field_scans import FieldScan, Scanned, scan
 from vsr_core.terrain.coarsening import coarser
 from vsr_core.terrain.surface import Terrain
-from vsr_core.verification.rocks import upright
+from vsr_core.verification.rocks import box, upright
 
 FRICTION, RESTITUTION = 0.6, 0.3
 DENSITY = 2700.0  # kg/m^3
@@ -40,7 +40,7 @@ class Settled:
     Attributes
     ----------
     scene : Scene, its start at rest
-    seconds : float, of CPU that laying the seat and settling took
+    seconds : float, of CPU that settling took
     """
 
     rock: Rock
@@ -86,9 +86,19 @@ def settled(field: FieldScan) -> Settled:
     """The rock at rest on its seat."""
     rock, laid = seated(field)
     scene = resting(rock, laid.terrain)
-    begun = time.process_time()
+    _load_the_engine()
+    begun = time.thread_time()
     start = displacement.settled(scene, longest_step(rock), "nonsmooth")
-    return Settled(rock, laid, replace(scene, start=start), time.process_time() - begun)
+    return Settled(rock, laid, replace(scene, start=start), time.thread_time() - begun)
+
+
+@cache
+def _load_the_engine() -> None:
+    """Settle a block, as what settles first waits for machine code, half a minute where none is."""
+    square = np.array([[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [2.0, 2.0, 0.0], [-2.0, 2.0, 0.0]])
+    rock = box(1.0, 1.0, 1.0)
+    scene = resting(rock, Terrain(square, np.array([[0, 1, 2], [0, 2, 3]])))
+    displacement.settled(scene, longest_step(rock), "nonsmooth")
 
 
 def resting(rock: Rock, terrain: Terrain) -> Scene:
