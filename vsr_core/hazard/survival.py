@@ -210,11 +210,51 @@ Rates = Callable[[Fragility], Array]
 """Annual rates of toppling under each branch, shape (branches,), of what has a fragility."""
 
 
-def survival_of(rates: Rates, rocks: Sequence[Standing], seed: int = 1) -> Array:
+@dataclass(frozen=True, eq=False)
+class Spell:
+    """Years in which, under each draw of the rocks' ages, none of their stages began or ended.
+
+    Attributes
+    ----------
+    standing : list of tuple of bool, for each stage of each rock, sets of those that stood then
+    which : ndarray of int, shape (n,), the set of each draw
+    years : ndarray, shape (n,), that it lasted
+    """
+
+    standing: list[tuple[bool, ...]]
+    which: Indices
+    years: Array
+
+
+def spells(rocks: Sequence[Standing], seed: int = 1) -> list[Spell]:
+    """The past of several rocks from today on, by their ages, which are independent."""
+    turns = independent([len(rock.ages) for rock in rocks], seed)
+    drawn = np.hstack([rock.back_to[own] for rock, own in zip(rocks, turns, strict=True)])
+    now = np.concatenate([np.arange(len(rock.fragilities)) == 0 for rock in rocks])
+    order = np.argsort(drawn, axis=1)
+    place = np.argsort(order, axis=1)
+    begun_at = np.where(now, -1, np.roll(place, 1, axis=1))
+    found, begun = [], np.zeros(len(drawn))
+    for step in range(len(now)):
+        until = np.take_along_axis(drawn, order[:, step : step + 1], axis=1)[:, 0]
+        stood = (place >= step) & (begun_at < step)
+        sets, which = np.unique(stood, axis=0, return_inverse=True)
+        found.append(Spell([*map(tuple, sets.tolist())], which, until - begun))
+        begun = until
+    return found
+
+
+def survival_of(
+    rates: Rates, rocks: Sequence[Standing], through: Sequence[Spell] | None = None
+) -> Array:
     """Chance that a rock stands, or that all of several rocks do, which felt the same earthquakes.
 
     In the years before present in which only some of them stood, only these could topple, each as
-    it stood then. Ages are unknown independently of each other.
+    it stood then.
+
+    Parameters
+    ----------
+    through : of Spell, where those of several rocks of these ages are known
 
     Returns
     -------
@@ -229,20 +269,10 @@ def survival_of(rates: Rates, rocks: Sequence[Standing], seed: int = 1) -> Array
     def rate(standing: tuple[bool, ...]) -> Array:
         return rates(any_of([one for one, on in zip(stages, standing, strict=True) if on]))
 
-    turns = independent([len(rock.ages) for rock in rocks], seed)
-    drawn = np.hstack([rock.back_to[own] for rock, own in zip(rocks, turns, strict=True)])
-    now = np.concatenate([np.arange(len(rock.fragilities)) == 0 for rock in rocks])
-    order = np.argsort(drawn, axis=1)
-    place = np.argsort(order, axis=1)
-    begun_at = np.where(now, -1, np.roll(place, 1, axis=1))
     exposed: float | Array = 0.0
-    begun = np.zeros(len(drawn))
-    for step in range(len(stages)):
-        until = np.take_along_axis(drawn, order[:, step : step + 1], axis=1)[:, 0]
-        stood = (place >= step) & (begun_at < step)
-        of_years = np.array([rate(tuple(row)) for row in stood.tolist()])
-        exposed = exposed + of_years * (until - begun)[:, None]
-        begun = until
+    for spell in through or spells(rocks):
+        of_sets = np.array([rate(one) for one in spell.standing])
+        exposed = exposed + of_sets[spell.which] * spell.years[:, None]
     return np.asarray(np.exp(-exposed).mean(axis=0))
 
 

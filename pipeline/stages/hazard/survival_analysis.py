@@ -13,7 +13,7 @@ from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility
 from vsr_core.arrays import Array, Mask
 from vsr_core.hazard.curve import HazardCurve, mean_curve, posterior_weights
 from vsr_core.hazard.shaking import EventShaking, Shaking
-from vsr_core.hazard.survival import Rates, Stage, Standing, survival_of
+from vsr_core.hazard.survival import Rates, Spell, Stage, Standing, spells, survival_of
 from vsr_core.hazard.toppling import Fragility, RowFragility, any_of
 
 LARGEST_TO_AVERAGE = 1.2
@@ -196,7 +196,15 @@ class SurvivalAnalysis:
 
     def survival_of_others(self) -> Array:
         """Survival under each branch with each of the other fragilities, (others, branches)."""
-        return np.array([survival_of(self.shaking.rates, rocks) for rocks in self.others])
+        return np.array([self.all_stand(self.shaking.rates, rocks) for rocks in self.others])
+
+    @cached_property
+    def _spells(self) -> list[Spell]:
+        return spells(self.standing) if len(self.rocks) > 1 else []
+
+    def all_stand(self, rates: Rates, rocks: list[Standing]) -> Array:
+        """Probability that the rocks stand as given, at ages that they have in common."""
+        return survival_of(rates, rocks, self._spells)
 
     def survival(self, rates: Rates) -> Array:
         """Probability that all rocks stand under each branch, shape (branches,).
@@ -205,8 +213,10 @@ class SurvivalAnalysis:
         of their survivals.
         """
         if self.drawn:
-            return np.asarray(np.mean([survival_of(rates, rocks) for rocks in self.others], axis=0))
-        return survival_of(rates, self.standing)
+            return np.asarray(
+                np.mean([self.all_stand(rates, rocks) for rocks in self.others], axis=0)
+            )
+        return self.all_stand(rates, self.standing)
 
     def survival_scaled(self, factor: float) -> float:
         """The same under the prior mean, all accelerations of which are multiplied."""
@@ -280,7 +290,7 @@ def cases(
     """
     found = [Case(BASE_CASE, analysis, analysis.results())]
     if analysis.drawn:
-        anew = survival_of(analysis.shaking.rates, analysis.standing)
+        anew = analysis.all_stand(analysis.shaking.rates, analysis.standing)
         found.append(Case(DRAWN_ANEW, analysis, analysis.reweighted(anew)))
     changes = _changes(analysis, alternatives, compared)
     return found + [Case(name, one, one.results()) for name, one in changes]
