@@ -75,6 +75,39 @@ def test_of_channels_1_and_2_the_header_of_sac_tells_the_side() -> None:
     check_together({"x": two, "y": one, "z": sac(3, "HNZ", cmpaz=0.0, cmpinc=0.0)})
 
 
+def at2(channel: str, place: int = 1) -> Record:
+    text = files.at2(wave(place), STEP)
+    (line,) = (line for line in text.splitlines()[1:2])
+    return read(
+        text.replace(line, f"CHI-CHI 09/20/99, CHY006, {channel}").encode(), ".at2", Reading()
+    )
+
+
+@pytest.mark.parametrize(
+    "name", ["V", "ABBAR--V", "U", "UP", "-UP", "U-D", "VRT", "VER", "DWN", "UPDO"]
+)
+def test_vertical_components_of_peer_are_not_horizontal(name: str) -> None:
+    assert "which is vertical" in refusal(x=at2(name))
+    assert "which is vertical" in refusal(x=at2("000"), y=at2(name, 2))
+
+
+def test_columns_u_and_v_may_be_horizontal() -> None:
+    for name in ("u", "v", "V", "acc_x", "vel", "up2date"):
+        check_together({"x": Record(wave(1), STEP, (name,), "", "", "g")})
+    for name in ("z [m/s2]", "acc_z", "acceleration_UD", "vert acc", "up (1)", "a (Z)"):
+        assert "which is vertical" in refusal(x=Record(wave(1), STEP, (name,), "", "", "g"))
+
+
+def test_a_sensor_among_others_in_its_direction_points_there() -> None:
+    """COSMOS V2 of a structure has several channels of one direction: their names are numbered."""
+    one, other = (
+        Record(wave(place), STEP, (name,), "", "", "g", instruments=("NWC",))
+        for place, name in enumerate(("90 (2)", "360 (1)"))
+    )
+    assert "exchange x and y" in refusal(x=other, y=one)
+    check_together({"x": one, "y": other})
+
+
 def test_a_header_that_was_not_filled_in_tells_nothing() -> None:
     empty = {"cmpaz": 0.0, "cmpinc": 0.0}
     check_together({"x": sac(1, "HNE", **empty), "y": sac(2, "HNN", **empty)})

@@ -9,8 +9,13 @@ from typing import Any
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Direction, Record
 
-_VERTICAL = re.compile(r"(?i:UP|DOWN|DN|DWN|VER\w*|UD[12]?)|(?:[A-Z]{2})?Z")
-"""Names of vertical channels: of networks' files, and SEED's codes."""
+_VERTICAL = re.compile(
+    r"(?i:UP(?:DO(?:WN)?|WARDS?)?|DOWN|DN|DWN|VER|VE?RTC?|VERTICAL|U-?D[12]?|Z)|[A-Z]{2}Z"
+)
+"""Names of vertical channels, or a word of them: of networks' files, and SEED's codes."""
+
+_AFTER = re.compile(r"\s*[(\[][^(\[]*[)\]]$")
+"""A unit after a name, or the number of a sensor among others in its direction."""
 
 _DOWN = re.compile(r"(?i:DOWN|DN|DWN)")
 
@@ -53,7 +58,7 @@ def _of_trace(trace: Any, inventory: Any | None) -> Direction | None:
 def check_directions(components: Mapping[str, Record]) -> None:
     """Refuse components of which x and y are not horizontal, with y to the left, or z not up."""
     rule, remedy = "x and y are horizontal", "leave it out, or name another channel or file"
-    names = {axis: one.channels[0].rpartition(".")[2] for axis, one in components.items()}
+    names = {axis: _name(one) for axis, one in components.items()}
     known: dict[str, float] = {
         axis: azimuth
         for axis, one in components.items()
@@ -62,7 +67,7 @@ def check_directions(components: Mapping[str, Record]) -> None:
     told = _told(components)
     for axis, name in names.items():
         steep = axis in told and abs(told[axis].dip) >= _STEEP
-        if axis != "z" and (_VERTICAL.fullmatch(name) or steep):
+        if axis != "z" and (_is_vertical(name) or steep):
             raise InvalidInput(f"{name} as {axis}, which is vertical", rule, remedy)
     dip = told["z"].dip if "z" in told else -90.0
     if "z" in known or abs(dip) < _STEEP:
@@ -73,6 +78,22 @@ def check_directions(components: Mapping[str, Record]) -> None:
     known = _azimuths_told(told) or known
     if len(known) == 2:
         _check_square(names, known)
+
+
+def _name(record: Record) -> str:
+    """The name of its channel, without the station's before it."""
+    name = record.channels[0]
+    code = name.rpartition(".")[2]
+    return code if code.isalnum() else name
+
+
+def _is_vertical(name: str) -> bool:
+    """Whether a channel is vertical by its name.
+
+    >>> [_is_vertical(name) for name in ("UD2", "U-D", "-UP", "acc_z", "a (Z)", "V", "y [m/s2]")]
+    [True, True, True, True, True, False, False]
+    """
+    return any(map(_VERTICAL.fullmatch, (name, *re.split(r"[\W_]+", name))))
 
 
 def _told(components: Mapping[str, Record]) -> dict[str, Direction]:
@@ -116,12 +137,12 @@ def doubt(components: Mapping[str, Record]) -> str:
     """
     told = _told(components)
     for axis in sorted(told.keys() & {"x", "y"}):
-        name, azimuth = components[axis].channels[0].rpartition(".")[2], told[axis].azimuth
+        name, azimuth = _name(components[axis]), told[axis].azimuth
         named = _azimuth(name, numbered=True)
         if named is not None and abs((azimuth - named + 180) % 360 - 180) > _SQUARE:
             return f"{name} as {axis} points to {azimuth:g} deg by its file or response"
     horizontal = [components[axis] for axis in "xy" if axis in components]
-    names = [one.channels[0].rpartition(".")[2] for one in horizontal]
+    names = [_name(one) for one in horizontal]
     found = [_NUMBERED.fullmatch(name) for name in names]
     if _azimuths_told(told) or [one[1] if one else "" for one in found] != ["1", "2"]:
         return ""
@@ -137,13 +158,14 @@ def _azimuth(channel: str, *, numbered: bool = False) -> int | None:
     ----------
     numbered : whether a number of less than three digits is none of degrees, as of a table's column
 
-    >>> [_azimuth(name) for name in ("047", "HNE", "NS2", "W", "H1", "2", "DWN", "401")]
-    [47, 90, 0, 270, None, None, None, None]
+    >>> [_azimuth(name) for name in ("047", "E [g]", "NS2", "90 (2)", "H1", "2", "DWN", "401")]
+    [47, 90, 0, 90, None, None, None, None]
     """
+    channel = _AFTER.sub("", channel)
     if channel in ("1", "2", "3"):
         return None
     if channel.isdecimal():
         told = len(channel) == len("000") or not numbered
         return int(channel) if told and int(channel) <= 360 else None
-    side = None if _VERTICAL.fullmatch(channel) else _SIDE.fullmatch(channel)
+    side = None if _is_vertical(channel) else _SIDE.fullmatch(channel)
     return {"E": 90, "N": 0, "W": 270, "S": 180}[side[side.lastindex or 1]] if side else None

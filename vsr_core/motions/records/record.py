@@ -36,6 +36,9 @@ class Direction(NamedTuple):
     dip: float
 
 
+UPWARD = Direction(0.0, -90.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Record:
     """Acceleration at evenly spaced times, from one instrument.

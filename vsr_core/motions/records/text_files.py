@@ -27,6 +27,7 @@ from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.named_columns import is_cut, plain_number
 from vsr_core.motions.records.record import (
+    UPWARD,
     Record,
     check_sampling,
     factor,
@@ -40,6 +41,9 @@ _NAMED = re.compile(rf"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*{_NUMBER}", re.IGNORECAS
 _PLAIN = re.compile(rf"^\s*(\d+)\s+{_NUMBER}\s+NPTS\s*,\s*DT", re.IGNORECASE)
 _UNIT = re.compile(r"IN UNITS OF\s+(\S+)", re.IGNORECASE)
 _WORD = re.compile(r"\S+")
+_UPWARD = re.compile(r"(?:.*[\W_])?[UV]", re.IGNORECASE)
+"""Components that PEER NGA calls vertical, where other files may have u and v to the sides."""
+
 HEADER, HEAD = 4, 2000
 """Lines of the header, and characters that they have at most."""
 
@@ -102,7 +106,16 @@ def read_at2(text: str, unit: str | None) -> Record:
     source = f"PEER NGA file: {lines[1].strip()}"
     instruments = (", ".join(event[:-1]),) if station else ()
     values *= factor(name)
-    return Record(values, interval, (channel,), station, source, name, instruments=instruments)
+    return Record(
+        values,
+        interval,
+        (channel,),
+        station,
+        source,
+        name,
+        instruments=instruments,
+        directions=(UPWARD,) if _UPWARD.fullmatch(channel) else (),
+    )
 
 
 def _other_count(count: int, number: float) -> InvalidInput:
