@@ -83,8 +83,9 @@ def identity(
     above : dict, keys of the products that it needs
     """
     digests: dict[str, str] = {}
-    for one in inputs.values():
-        digests |= one.digests() if one is not None else {}
+    for path, one in inputs.items():
+        for name, digest in (one.digests() if one is not None else {}).items():
+            digests[f"{name} ({path})" if name in digests else name] = digest
     config = {key: values.plain(key) for key in sorted(settings_of(stage.make))}
     return made_from(stage, config, digests, above, inputs)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import Counter
+from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -58,6 +60,13 @@ def digest_file(path: Path) -> str:
     check_file(path, LARGEST)
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def digests_of(paths: Sequence[Path]) -> dict[str, str]:
+    """Digests of files by their names, those of one name by their numbers, too."""
+    known = Counter(path.name for path in paths)
+    names = (f"{n} " * (known[path.name] > 1) + path.name for n, path in enumerate(paths))
+    return {name: digest_file(path) for name, path in zip(names, paths, strict=True)}
 
 
 @cache

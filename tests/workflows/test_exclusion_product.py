@@ -12,6 +12,8 @@ import xarray as xr
 from conftest import Ran
 from scipy.stats import norm
 
+from pipeline.config.layers import load_site
+from pipeline.workflow.graph import identities
 from vsr_core.hazard.ratio import CORRELATION, PGA, PGV
 
 BOX = "rock: {shape: box, size: [0.25, 0.5, 1.2], density: 2110}\n"
@@ -106,6 +108,24 @@ def test_other_faults_simulate_nothing_and_none_need_no_age(
     bare = vsr("run", "exclusion", "--site", site, *without)
     assert (bare.code, "no faults given" in bare.err) == (0, True), bare.err
     assert len((derived / "rock" / "exclusion_faults.csv").read_text().splitlines()) == 1
+
+
+def test_tables_of_one_name_both_count(write_site: Callable[..., str], folder: Path) -> None:
+    tables = [folder / one / "near.csv" for one in ("faults", "motion")]
+    for table, text in zip(tables, (FAULTS, TABLE), strict=True):
+        table.parent.mkdir()
+        table.write_text(text)
+    site = f"hazard: {{faults: {tables[0]}, ground_motion: {tables[1]}, age: {{kind: normal, "
+    config = load_site(write_site(f"{BOX}{GRID}{site}mean: {AGE:g}}}}}\n"))
+
+    def key() -> str:
+        return identities("exclusion", config)["exclusion"].key
+
+    found = [key()]
+    for table, old, new in zip(tables, ("0.001", "0.06"), ("0.1", "0.07"), strict=True):
+        table.write_text(table.read_text().replace(old, new))
+        found.append(key())
+    assert len(set(found)) == 3
 
 
 def test_a_table_takes_the_place_of_the_equations(

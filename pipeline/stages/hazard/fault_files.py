@@ -23,7 +23,7 @@ from pipeline.config.paths import located
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sections import Key, Refused
 from pipeline.stages.hazard.hazard_model import LEVELS, RATIOS, UNITS
-from pipeline.workflow.keys import digest_file
+from pipeline.workflow.keys import digests_of
 from pipeline.workflow.stage import Input
 from vsr_core.arrays import Array
 from vsr_core.hazard.scenarios import GroundMotionTable
@@ -84,8 +84,7 @@ class Faults(Input):
     model: GroundMotionTable | None
 
     def digests(self) -> dict[str, str]:
-        """Digests of the files, by their names."""
-        return {path.name: digest_file(path) for path in self.files}
+        return digests_of(self.files)
 
 
 def find(

@@ -7,7 +7,6 @@ has a class here that makes its motions; `of_data` and `of_files` choose it.
 from __future__ import annotations
 
 import struct
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -268,10 +267,7 @@ class MotionFiles(Input):
     tables: table_motions.Loaded | None = None
 
     def digests(self) -> dict[str, str]:
-        """Digests of the files, by their names, those of one name by their numbers, too."""
-        known = Counter(path.name for path in self.paths)
-        names = (f"{n} " * (known[p.name] > 1) + p.name for n, p in enumerate(self.paths))
-        return {name: keys.digest_file(p) for name, p in zip(names, self.paths, strict=True)}
+        return keys.digests_of(self.paths)
 
 
 def find(motion: MotionConfig, origin: Origin) -> MotionFiles | None:

@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,11 +28,12 @@ from pipeline.config.problems import InputError
 from pipeline.stages.runs.runner import Run, missing
 from pipeline.stages.runs.scenes import code as run_code
 from pipeline.workflow import keys, store
-from pipeline.workflow.graph import Identity, identities, why
+from pipeline.workflow.graph import FINDERS, Identity, Values, identities, identity, why
 from pipeline.workflow.owner import LOCK
 from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.rows import DisplacementRow, RunRow
 from pipeline.workflow.run_store import RUNS, RunStore
+from pipeline.workflow.stage import Input
 from pipeline.workflow.store import Store, manifest_text, read_manifest
 from pipeline.workflow.writers import text
 from vsr_core.outcome import Outcome
@@ -55,6 +57,26 @@ def shelf(tmp_path: Path) -> Store:
 
 def row(i: int, outcome: int = 1) -> RunRow:
     return RunRow(i.to_bytes(16, "big"), outcome, 0, 0.5, 0.25, 0.125 * i, i)
+
+
+@dataclass(frozen=True)
+class Named(Input):
+    """An input of one file, by its name."""
+
+    digest: str
+
+    def digests(self) -> dict[str, str]:
+        return {"rock.ply": self.digest}
+
+
+def test_files_of_one_name_in_two_inputs_both_count() -> None:
+    stage, values = BY_NAME["exclusion"], Values(load_site("double_rock").settings)
+    first, second, *_ = FINDERS
+    told = {
+        identity(stage, values, {first: Named(one), second: Named(other)}, {}).key
+        for one, other in (("1", "2"), ("1", "3"), ("3", "2"), ("2", "1"))
+    }
+    assert len(told) == 4
 
 
 # Products
