@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -197,10 +198,8 @@ def read_layers(site: str, study: str | None, settings: tuple[str, ...]) -> Laye
     files = tuple((shown(file), _read(file)) for file in paths)
     sweep = files[-1][1].pop("sweep", None) if study else None
     parents = {shown(file): file.parent for file in paths}
-    parted = [one for given in settings for one in _parted(given)]
-    return Layers(
-        path, Request(site, study, settings), files, parents, tuple(map(_setting, parted)), sweep
-    )
+    given = tuple(map(_setting, one_by_one(settings)))
+    return Layers(path, Request(site, study, settings), files, parents, given, sweep)
 
 
 def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple[Checked, str]:
@@ -255,6 +254,11 @@ def _read(path: Path) -> dict[str, Any]:
 
 _NEXT = re.compile(r"(\s+)(?=[^\s=\[\]{}\"',]+=)")
 """Blanks before what may be the next setting."""
+
+
+def one_by_one(settings: Iterable[str]) -> list[str]:
+    """Settings, of which a text may hold several."""
+    return [one for given in settings for one in _parted(given)]
 
 
 def _parted(given: str) -> list[str]:

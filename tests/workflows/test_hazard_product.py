@@ -669,6 +669,11 @@ def test_a_rock_that_came_out_of_the_ground(
             ("hazard.history", "rock twice"),
         ),
         ("age_a\n5000\n", ("contact.friction=0.3",), ("hazard.history", "got --set contact.fri")),
+        (
+            "age_a\n5000\n",
+            ("hazard.minimum_survival_probability=0.1 contact.friction=0.3",),
+            ("hazard.history", "got --set contact.fri"),
+        ),
     ],
 )
 def test_ages_and_stages_that_cannot_be_are_refused(
@@ -832,6 +837,7 @@ def test_a_comparison_that_changes_no_fragility_is_refused(
     study.write_text("hazard: {age: {mean: 99}}\n")
     for given, got in (
         ("set: [hazard.age.mean=99]", "hazard.age.mean"),
+        ("set: [contact.friction=0.4 hazard.age.mean=99]", "hazard.age.mean"),
         (f"study: {study}", "hazard"),
     ):
         compare = f"hazard.compare=[{{name: young, {given}}}]"
@@ -855,6 +861,9 @@ def test_stages_of_a_rock_keep_their_settings_but_not_those_of_the_hazard(
         (tmp_path / f"{name}.yaml").write_text(text)
     given = ("--site", site, "--study")
     ran = vsr("plan", "hazard", *given, tmp_path / "rule.yaml")
+    assert ran.code == cli.DONE, ran.err
+    sections = ("hazard={minimum_survival_probability: 0.1}", "simulation={reduce: true}")
+    ran = vsr("plan", "hazard", *given[:2], *(f"--set={one}" for one in sections))
     assert ran.code == cli.DONE, ran.err
     words = ("hazard.history", "smooth.yaml", "keep the settings")
     refused("run", "hazard", *given, tmp_path / "smooth.yaml", words=words)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.config.hazard_schema import Comparison, HazardConfig, HazardRock
-from pipeline.config.layers import Origin, Site, load_site
+from pipeline.config.layers import Origin, Site, load_site, one_by_one
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.archive import shipped_equations
@@ -130,7 +130,7 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
 
 def _check_comparison(origin: Origin, one: Comparison, site: Site) -> None:
     """Refuse a comparison by what is no part of a rock's fragility."""
-    keys = [setting.partition("=")[0].strip() for setting in one.set]
+    keys = [setting.partition("=")[0].strip() for setting in one_by_one(one.set)]
     keys += sorted(_set_by_study(site)) if one.study else []
     others = [key for key in keys if key.partition(".")[0] in _NOT_COMPARED]
     if others:
@@ -164,10 +164,14 @@ def _of_comparison(origin: Origin, name: str, error: InputError) -> InputError:
     )
 
 
+_SECTION = re.compile(r"[.=\s]")
+
+
 def _check_request(origin: Origin, study: str | None, settings: tuple[str, ...]) -> None:
     """Refuse what would change the rock as it stands now, and not as it stood before."""
-    own = [one for one in settings if not one.startswith(("hazard.", "simulation."))]
-    of_study = _set_by_study(origin) - {"hazard", "simulation"}
+    kept = {"hazard", "simulation"}
+    own = [one for one in one_by_one(settings) if _SECTION.split(one.strip())[0] not in kept]
+    of_study = _set_by_study(origin) - kept
     if of_study or own:
         given = f"the study {study}" if of_study else f"--set {own[0]}"
         rule = "stages of a rock keep the settings of their own files"
