@@ -37,6 +37,9 @@ from vsr_core.validation.priors import Member
 ALIKE = 0.01
 """Scans whose distance is below this share of their size are of one form."""
 
+SAME_SCAN = 1e-5
+"""Share of its size by which points of a scan that is saved twice may differ, as by rounding."""
+
 BASE_SHARE = 0.06
 """Height of the base, as a share of the rock's."""
 
@@ -93,13 +96,14 @@ def form(
     ----------
     scan : Trimesh [m], closed, z up
     replica : Trimesh [m] or None
-        Brought onto the scan by iterated closest points; taken only if the two are ``ALIKE``.
+        Brought onto the scan by iterated closest points; taken only if the two are ``ALIKE``,
+        and not one scan that is saved twice, turned or not.
     error, length : float [m], standard deviation of the scan's error at the base, and the length
         over which errors are alike, where there is no replica
     """
     vertices = np.array(scan.vertices)
     normals, faces = np.array(scan.vertex_normals), np.array(scan.faces, dtype=np.int64)
-    if replica is not None:
+    if replica is not None and not _is_one_scan(vertices, replica.vertices):
         points = np.array(replica.vertices)
         onto, _, _ = icp(
             points, scan, threshold=1e-12, max_iterations=100, scale=False, reflection=False
@@ -113,6 +117,16 @@ def form(
             half = float(apart.std()) / np.sqrt(2.0)
             return Form(vertices, normals, faces, other, half, 0.0, True)
     return Form(vertices, normals, faces, vertices, error, error, False, length)
+
+
+def _is_one_scan(one: Array, other: Array) -> bool:
+    """Whether points lie about their middle as others do, in any order and turned in any way."""
+    if len(one) != len(other):
+        return False
+    first, second = (
+        np.sort(np.linalg.norm(points - points.mean(axis=0), axis=1)) for points in (one, other)
+    )
+    return bool(np.abs(first - second).max() < SAME_SCAN * first[-1])
 
 
 def drawn(of: Form, member: Member, density: float) -> Rock:

@@ -217,17 +217,35 @@ def plain(**changes: object) -> priors.Member:
 
 
 def test_a_form_scanned_twice_is_known_as_such() -> None:
-    other = rough().copy()
+    other, noise = rough().copy(), 0.001
+    other.vertices = other.vertices + noise * np.random.default_rng(3).normal(
+        size=(len(other.vertices), 3)
+    )
     other.apply_transform(trimesh.transformations.rotation_matrix(0.01, [0, 0, 1]))
     other.apply_translation([0.004, -0.003, 0.002])
     found = specimen.form(rough(), other)
     assert found.replica
-    assert found.error < 2e-4
+    assert found.error == pytest.approx(noise / np.sqrt(2.0), rel=0.3)
     assert found.spread == 0.0
     alone = specimen.form(rough(), None)
     assert not alone.replica
     assert alone.spread == specimen.SCAN_ERROR
     assert not specimen.form(rough(), trimesh.creation.box([0.5, 0.5, 1.0])).replica
+
+
+def test_one_scan_saved_twice_is_no_replica() -> None:
+    scan = rough()
+    order = np.random.default_rng(4).permutation(len(scan.vertices))
+    turned = trimesh.Trimesh(
+        scan.vertices[order].astype(np.float32), np.argsort(order)[scan.faces], process=False
+    )
+    moved = scan.copy()
+    moved.apply_transform(trimesh.transformations.rotation_matrix(0.5, [0, 0, 1]))
+    moved.apply_translation([0.004, -0.003, 0.002])
+    for other in (scan, turned, moved):
+        found = specimen.form(scan, other)
+        assert not found.replica
+        assert found.spread == specimen.SCAN_ERROR
 
 
 def test_error_of_two_scans_is_the_noise_of_each() -> None:

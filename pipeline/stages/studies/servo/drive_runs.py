@@ -240,7 +240,8 @@ def rows(
         rule = f"a servo follows a pulse at periods up to {PERIOD_SHARE:g} of it"
         remedy = "raise command_rate, or give longer pulses"
         raise InputError(Problem(work.origin.file_of("servo"), "servo", given, rule, remedy))
-    ratios = np.geomspace(max(ends[0], held / PERIOD_SHARE, 0.05 * ends[-1]), ends[-1], ROWS)
+    shortest = max(ends[0], held / PERIOD_SHARE, 0.05 * ends[-1])
+    ratios = np.geomspace(shortest, ends[-1], ROWS if shortest < ends[-1] else 1)
     limits = cases[drives[0].name].static_limits
     lowest = in_si.in_g(min(-limits[0], limits[1]))
     levels = np.geomspace(min(lowest, 0.5 * motion.pga[-1]), motion.pga[-1], LEVELS).tolist()

@@ -75,8 +75,7 @@ def forms(scans: dict[int, trimesh.Trimesh]) -> dict[int, Form]:
     """Form of each specimen, with the next specimen's scan as a replica if it is another of one."""
     found, numbers = {}, list(scans)
     for at, number in enumerate(numbers):
-        own, other = scans[number], scans[numbers[(at + 1) % len(numbers)]]
-        found[number] = form(own, None if np.array_equal(own.vertices, other.vertices) else other)
+        found[number] = form(scans[number], scans[numbers[(at + 1) % len(numbers)]])
     return found
 
 

@@ -310,12 +310,11 @@ def _unused(without: int, names: Iterable[str], specimens: tuple[int, ...]) -> I
 def motions_of(folder: Path) -> dict[int, GroundMotion]:
     """How the table moved in each test."""
     paths = (folder / name for name in (RECORDS, OUTCOMES, ASSUMED))
-    found = (path.stat() for path in paths if path.is_file())
-    return _motions_of(folder, tuple((one.st_mtime_ns, one.st_size, one.st_ino) for one in found))
+    return _motions_of(folder, tuple(digest_file(path) for path in paths if path.is_file()))
 
 
 @lru_cache(maxsize=2)
-def _motions_of(folder: Path, stamps: object) -> dict[int, GroundMotion]:
+def _motions_of(folder: Path, digests: tuple[str, ...]) -> dict[int, GroundMotion]:
     """The same, once for all that ask for it in a process."""
     tests = tests_in(folder)
     if (folder / RECORDS).is_file():

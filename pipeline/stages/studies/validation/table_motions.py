@@ -102,14 +102,15 @@ def _is_series(variable: xr.DataArray) -> bool:
 
 
 _ALONG = ("x", "y", "z"), ("drive", "across", "up"), "012", "123"
-"""Names of components, in any case, and their numbers."""
+"""Names of components, in any case, and their numbers; of one taken from several a 1 is any."""
 
 
 def _unit(path: Path, name: str, variable: xr.DataArray) -> float:
     """What one of its unit is [m/s2], its components along drive, across and up."""
     along = np.atleast_1d(variable["component"]).tolist() if "component" in variable.coords else []
     named = [str(one).strip().lower() for one in along]
-    if not any(named == list(known[: len(named)]) for known in _ALONG):
+    taken = bool(along) and "component" not in variable.dims
+    if not any(named == list(known[: len(named)]) for known in _ALONG[: -1 if taken else None]):
         given, rule = (
             f"components {', '.join(map(str, along))}",
             "they are x, y, z or drive, across, up",

@@ -138,6 +138,20 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drive_runs, "HALVINGS", 2)
 
 
+def test_one_pgv_pga_is_one_row(
+    small: None,
+    monkeypatch: pytest.MonkeyPatch,
+    write_site: Callable[..., str],
+    vsr: Callable[..., object],
+    derived: Path,
+) -> None:
+    monkeypatch.setattr(drive_runs, "ROWS", 8)
+    site = write_site(SITE.replace("[0.2, 0.5]", "[0.3]"))
+    assert vsr("run", "drive", "--site", site, "--workers", "0").code == 0  # type: ignore[attr-defined]
+    with xr.open_dataset(derived / "rock" / "drive.nc") as found:
+        assert found["pgv_pga"].values.tolist() == [0.3]
+
+
 def test_products(
     small: None, write_site: Callable[..., str], vsr: Callable[..., object], derived: Path
 ) -> None:

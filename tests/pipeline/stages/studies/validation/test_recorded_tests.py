@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -129,8 +130,25 @@ def test_one_component_may_be_left_of_several(tmp_path: Path, name: Any) -> None
     first = motions_of(changed(tmp_path, lambda data: data))
     one = motions_of(changed(tmp_path, lambda data: data.assign_coords(component=name)))
     assert one[1].peak_acceleration == first[1].peak_acceleration
-    with pytest.raises(InputError, match="got components up"):
-        motions_of(changed(tmp_path, lambda data: data.assign_coords(component="up")))
+
+
+@pytest.mark.parametrize("name", ["up", 1])
+def test_one_component_of_several_is_not_taken_for_the_drive(tmp_path: Path, name: Any) -> None:
+    """A 1 may be the first of 1, 2, 3, or the second of 0, 1, 2."""
+    with pytest.raises(InputError, match=f"got components {name}"):
+        motions_of(changed(tmp_path, lambda data: data.assign_coords(component=name)))
+
+
+def test_records_of_the_same_size_and_date_are_read_anew(tmp_path: Path) -> None:
+    folder = changed(tmp_path, lambda data: data)
+    first, path = motions_of(folder), folder / RECORDS
+    before = path.stat()
+    (tmp_path / "other").mkdir()
+    other = changed(tmp_path / "other", in_unit("m s-2", 1.02))
+    path.write_bytes((other / RECORDS).read_bytes().ljust(before.st_size, b"\0"))
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert path.stat().st_size == before.st_size
+    assert motions_of(folder)[1].peak_acceleration > 1.01 * first[1].peak_acceleration
 
 
 @pytest.mark.parametrize("recorded", [True, False])
