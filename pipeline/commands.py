@@ -56,16 +56,18 @@ def made(options: argparse.Namespace) -> tuple[Job, int]:
         check_drawn(job)
     if options.product == "observations":
         check_observed(job)
+    beside = 0
     if options.product == "hazard" and sweep is None:
         for stage, other in others_of(job):
             log(f"{other.store.folder}:")
             with other.store, other.cluster:
-                graph.make(stage, other)
+                beside += graph.make(stage, other)
     with job.store, job.cluster:
         if sweep is None:
             unresolved = graph.make(wanted.stage, job)
         else:
             job, unresolved = _swept(sweep, wanted.stage, job)
+    unresolved += beside
     for name in wanted.shown if sweep is None else ("study.html", "study.nc"):
         log(f"-> {job.path(name)}")
     if unresolved:

@@ -174,8 +174,9 @@ class HazardConfig(Section):
     )
     support: Literal["tested", "scan"] = Field(
         "tested",
-        description="rock whose survival weighs the branches: the draws of uncertainty, with bases "
-        "as tests have found them, or the rigid scan; the other one is a case beside",
+        description="rocks whose survival weighs the branches: the draws of uncertainty, with "
+        "bases as tests have found them, or the rigid scans; of the site's rock the other is a "
+        "case beside",
     )
     pgv_pga: RatioConfig | None = Field(
         None, description="PGV/PGA at each PGA; null to derive it from PGV curves or disaggregation"

@@ -248,8 +248,17 @@ def _local_cluster(workers: int) -> Any:
                 dashboard_address="127.0.0.1:0",
                 silence_logs=50,
             )
-    except (KeyError, TypeError, ValueError) as error:  # of a setting where it is first used
-        raise unread("Dask", error, MEND_DASK) from None
+    except (*_OF_A_SETTING, RuntimeError) as error:
+        cause: BaseException | None = error
+        while cause is not None and not isinstance(cause, _OF_A_SETTING):
+            cause = cause.__cause__ or cause.__context__  # where a worker's nanny met it
+        if cause is None:
+            raise
+        raise unread("Dask", cause, MEND_DASK) from None
+
+
+_OF_A_SETTING = ImportError, KeyError, TypeError, ValueError
+"""What Dask raises where it first uses a setting that it cannot."""
 
 
 def _renew(cluster: Any) -> None:

@@ -246,7 +246,14 @@ def test_settings_of_dask_that_are_no_yaml(tmp_path: Path, place: str, name: str
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        pytest.param("COMM__TIMEOUTS__CONNECT", "abc", marks=pytest.mark.slow),
+        *(
+            pytest.param(name, "nonsense", marks=pytest.mark.slow)
+            for name in (
+                "COMM__TIMEOUTS__CONNECT",
+                "NANNY__PRELOAD",
+                "WORKER__MULTIPROCESSING_METHOD",
+            )
+        ),
         ("LOGGING__DISTRIBUTED", "bogus"),
     ],
 )

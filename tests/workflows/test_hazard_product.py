@@ -29,7 +29,9 @@ from pipeline.stages.hazard import hazard as stage
 from pipeline.stages.hazard.hazard_figures import shaking
 from pipeline.stages.hazard.survival_analysis import AS_SCANNED, AS_TESTED, BASE_CASE, DRAWN_ANEW
 from pipeline.stages.observations import observations
+from pipeline.workflow import graph
 from pipeline.workflow.datasets import read
+from pipeline.workflow.stage import Job
 
 Array = NDArray[np.float64]
 
@@ -898,6 +900,29 @@ def test_curves_and_age_have_to_be_given(
     refused("run", "hazard", "--site", site, "--curves", CURVES, words=("hazard.age", "AGE="))
     wrong = ("--curves", CURVES, "--age", -5)
     refused("run", "hazard", "--site", site, *wrong, words=("hazard.age.mean", "-5"))
+
+
+@pytest.mark.parametrize(("support", "made"), [("tested", "uncertainty"), ("scan", "fragility")])
+def test_the_support_is_that_of_all_rocks_and_unresolved_runs_of_any_count(
+    vsr: Callable[..., Ran],
+    write_site: Callable[..., str],
+    monkeypatch: pytest.MonkeyPatch,
+    support: str,
+    made: str,
+) -> None:
+    asked = []
+
+    def make(stage: str, job: Job) -> int:
+        asked.append((stage, job.site.name))
+        return 3 if job.site.name == "broad" else 0
+
+    monkeypatch.setattr(graph, "make", make)
+    write_site(BOX + GRID.replace("members: 0", "members: 4"), name="broad")
+    rocks = "compare: [], rocks: [{site: broad.yaml, age: {kind: normal, mean: 900}}]}"
+    hazard = f"{HAZARD.split('compare')[0]}support: {support}, {rocks}\n"
+    ran = vsr("run", "hazard", "--site", write_site(BOX + GRID + hazard), "--workers", 0)
+    assert (ran.code, asked) == (cli.UNRESOLVED, [(made, "broad"), ("hazard", "rock")])
+    assert "3 runs are unresolved" in ran.err
 
 
 def test_either_support_weighs_and_the_other_is_a_case(

@@ -101,8 +101,9 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
     file, study, settings = origin.request
     if hazard.history:
         _check_request(origin, study, settings)
-    earlier = tuple(_of_site(one.site, origin, "hazard.history") for one in hazard.history)
-    rocks = tuple(_other(rock, origin) for rock in hazard.rocks)
+    drawn = hazard.support == "tested"
+    earlier = tuple(_of_site(one.site, origin, "hazard.history", drawn) for one in hazard.history)
+    rocks = tuple(_other(rock, origin, drawn) for rock in hazard.rocks)
     named = [origin.name]
     for key, others in (("hazard.history", earlier), ("hazard.rocks", rocks)):
         for other in others:
@@ -181,23 +182,23 @@ def _check_request(origin: Origin, study: str | None, settings: tuple[str, ...])
         )
 
 
-def _other(rock: HazardRock, origin: Origin) -> Other | Archived:
+def _other(rock: HazardRock, origin: Origin, drawn: bool) -> Other | Archived:
     """Another rock; one of an archive is read already, so that no run precedes its refusal."""
     key, name = "hazard.rocks", rock.site
     if rock.archive is not None:
         path = located(origin.folder_of(key), rock.archive, origin.file_of(key), key)
         answered(path, name)
         return Archived(name, path)
-    return _of_site(name, origin, key)
+    return _of_site(name, origin, key, drawn)
 
 
-def _of_site(name: str, origin: Origin, key: str) -> Other:
-    """A rock by the site that a key names."""
+def _of_site(name: str, origin: Origin, key: str, drawn: bool) -> Other:
+    """A rock by the site that a key names, by its draws or as scanned."""
     if name.endswith((".yaml", ".yml")):
         name = str(origin.folder_of(key) / name)
     site = load_site(name)
     check_peaks(site)
-    return Other(site.name, site, "..", site.config.uncertain)
+    return Other(site.name, site, "..", drawn and site.config.uncertain)
 
 
 def folder_of(name: str) -> str:
