@@ -123,7 +123,7 @@ def commands(table: Table, motion: CosinePulse) -> Commands:
     """A pulse as velocity commands at the table's rate, and as positions of its motor.
 
     Each command is the mean velocity of the time for which it is held, so that the table is where
-    the motion is whenever it ends, and back at its start after the last one.
+    the motion is whenever it ends, and back at its start at the last one, which stops it.
 
     References
     ----------
@@ -131,8 +131,9 @@ def commands(table: Table, motion: CosinePulse) -> Commands:
     """
     number = math.ceil(motion.duration * table.command_rate - 1e-9)
     time = np.arange(number + 1, dtype=np.float64) / table.command_rate
-    place = motion.displacement(time)
+    place = np.append(motion.displacement(time), 0.0)
     steps = None
     if table.step_length is not None:
         steps = np.rint(place[1:] / table.step_length).astype(np.int64)
-    return Commands(time[:-1], np.diff(place) * table.command_rate, steps)
+    velocity = np.append(np.diff(place[:-1]) * table.command_rate, 0.0)
+    return Commands(time, velocity, steps)

@@ -73,7 +73,9 @@ def test_commands_bring_the_table_where_the_motion_is(
     pulse = CosinePulse(pga, ratio)
     sent = commands(table, pulse)
     np.testing.assert_allclose(np.diff(sent.time), 1.0 / rate)
-    assert len(sent.time) == math.ceil(pulse.duration * rate - 1e-9)
+    assert len(sent.time) == math.ceil(pulse.duration * rate - 1e-9) + 1
+    assert sent.velocity[-1] == 0.0
+    assert sent.time[-1] >= pulse.duration - 1e-9
     place = np.cumsum(sent.velocity) / rate
     ends = sent.time + 1.0 / rate
     np.testing.assert_allclose(place, pulse.displacement(ends), atol=1e-9 * max(1.0, pga))
@@ -161,9 +163,10 @@ def test_products_of_a_small_grid(
     assert len(files) == 6
     sent = list(csv.DictReader((out / "pgv_pga_0.15_pga_0.3.csv").open()))
     pulse = CosinePulse.from_g(0.3, 0.15)
-    assert len(sent) == math.ceil(200 * pulse.duration)
+    assert len(sent) == math.ceil(200 * pulse.duration) + 1
+    assert float(sent[-1]["velocity_m_per_s"]) == 0.0
     assert list(sent[0]) == ["time_s", "velocity_m_per_s", "motor_step"]
-    middle = sent[len(sent) // 2 - 1]
+    middle = sent[(len(sent) - 1) // 2 - 1]
     place = int(middle["motor_step"]) * math.pi * 0.05 / 1600
     assert place == pytest.approx(2.0 * pulse.pga * 0.15**2, rel=0.01)
 
