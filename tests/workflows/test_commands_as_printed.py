@@ -30,6 +30,7 @@ FILLED = {
     " [--table mini_shake_robot]": "",
     " [--export DIR]": "",
     "tests/faults/FILE": "tests/faults/test_slurm.py",
+    "ROCKS=rocks.csv": "ROCKS=data/raw/archive/rocks.csv",
 }
 """What is put in for what a reader fills in; the files that pages name are in ``own_files``."""
 
