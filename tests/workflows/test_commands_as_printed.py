@@ -41,6 +41,7 @@ sweep: {bounce: {contact.restitution: [0, 0.3]}}
 
 NOT_RUN = {
     r"(make|vsr) (fetch|lock|docs-links|release)|pip install": "asks the network",
+    r"data/raw/double_rock_prints": "needs what was fetched",
     r"podman|apptainer": "is no program of the project",
     r"dask (scheduler|worker)|(SCHEDULER=|--scheduler )tcp://host|--cluster slurm|client_0": "asks "
     "other machines",
