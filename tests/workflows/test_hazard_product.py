@@ -24,9 +24,12 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from pipeline import ROOT, cli
+from pipeline.config.layers import load_site
 from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, answered
 from pipeline.stages.hazard import hazard as stage
+from pipeline.stages.hazard import other_rocks
 from pipeline.stages.hazard.hazard_figures import shaking
+from pipeline.stages.hazard.rock_ages import back_to
 from pipeline.stages.hazard.survival_analysis import AS_SCANNED, AS_TESTED, BASE_CASE, DRAWN_ANEW
 from pipeline.stages.observations import observations
 from pipeline.workflow import graph
@@ -955,6 +958,32 @@ def test_either_support_weighs_and_the_other_is_a_case(
         anew = own["case"].values.tolist().index(DRAWN_ANEW)
         wanted = own["weight"] @ np.exp(-own["toppling_rate"] * years)
         assert float(own["case_survival"][anew]) == pytest.approx(float(wanted), rel=1e-9)
+
+
+def test_an_earthquake_before_another_rock_stood_is_refused(
+    refused: Callable[..., str], write_site: Callable[..., str]
+) -> None:
+    quake = "{kind: earthquake, year: 1000, pga: 0.1, pga_log_sd: 0.3, pgv: 4, pgv_log_sd: 0.3}"
+    grid = GRID.replace("members: 0", "members: 4")
+    write_site(f"{BOX}{grid}observations: [{quake}]\n", name="young")
+    rocks = "compare: [], rocks: [{site: young.yaml, age: {kind: normal, mean: 900, sd: 0}}]}"
+    site = write_site(f"{BOX}{GRID}{HAZARD.split('compare')[0]}{rocks}\n")
+    words = ("young.yaml", "observations.0.year", "1000", "at most 900 years")
+    refused("run", "hazard", "--site", site, words=words)
+
+
+def test_years_in_which_another_rock_was_seen_to_stand_are_no_part_of_its_age(
+    write_site: Callable[..., str],
+) -> None:
+    quake = "{kind: earthquake, year: 1906, pga: 0.1, pga_log_sd: 0.3, pgv: 4, pgv_log_sd: 0.3}"
+    seen = f"observations: [{quake}]\n"
+    write_site(BOX + GRID.replace("members: 0", "members: 4") + seen, name="other")
+    rocks = "compare: [], rocks: [{site: other.yaml, age: {kind: normal, mean: 900, sd: 0}}]}"
+    site = load_site(write_site(f"{BOX}{GRID}{HAZARD.split('compare')[0]}{rocks}\n"))
+    for support, years in (("tested", 899.0), ("scan", 900.0)):
+        hazard = site.config.hazard.model_copy(update={"support": support})
+        (other,) = other_rocks.find(hazard, site.origin).rocks
+        assert back_to(hazard.rocks[0].age, (), other.observed, drawn=True) == [[years]]
 
 
 @pytest.mark.parametrize("product", ["hazard", "exclusion"])

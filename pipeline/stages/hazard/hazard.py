@@ -34,7 +34,7 @@ from pipeline.stages.hazard.hazard_dataset import (
 )
 from pipeline.stages.hazard.hazard_model import MOST_PGA
 from pipeline.stages.hazard.other_rocks import Others
-from pipeline.stages.hazard.rock_ages import ages_of, back_to, of_age, years_observed
+from pipeline.stages.hazard.rock_ages import back_to, of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import of_fits, of_members
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, DRAWN_AGAIN, AssumedShaking, of_hazard
 from pipeline.stages.hazard.survival_analysis import (
@@ -88,7 +88,8 @@ def make(
     buried = [one.fragility(fits.folder) for one in beside.earlier]
     rocks = [DatedRock(name, own, ages, tuple(zip(buried, ended, strict=True)))]
     for other, given in zip(beside.rocks, config.rocks, strict=True):
-        rocks.append(DatedRock(other.name, other.fragility(fits.folder), ages_of(given.age)))
+        (since,) = back_to(given.age, (), other.observed, drawn=True).T
+        rocks.append(DatedRock(other.name, other.fragility(fits.folder), since))
     compared = {}
     if ensemble is not None:  # beside which settings are compared
         compared[AS_SCANNED if drawn else AS_TESTED] = (

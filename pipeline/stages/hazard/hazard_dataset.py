@@ -104,15 +104,17 @@ def survival_error(analysis: SurvivalAnalysis, others: Array) -> Array:
     """Standard error of survival for the number of draws, shape (branches,); none of fits.
 
     Of several rocks the one with the fewest counts: of it draws come again beside those of others.
+    Draws that observations chose several times count by their effective number n, from n s^2 /
+    (n - 1) for the variance of one (Kish 1965, Survey Sampling).
 
     Parameters
     ----------
     others : ndarray, shape (n, branches)
     """
-    number = min((rock.draws for rock in analysis.rocks if rock.drawn), default=0)
-    if number < 2:
+    number = min((rock.effective for rock in analysis.rocks if rock.drawn), default=0.0)
+    if number <= 1.0:
         return np.zeros(len(analysis.curves))
-    return np.asarray(others.std(axis=0, ddof=1) / np.sqrt(number))
+    return np.asarray(others.std(axis=0) / np.sqrt(number - 1.0))
 
 
 def table(found: xr.Dataset) -> pd.DataFrame:

@@ -9,12 +9,14 @@ from pathlib import Path
 
 from pipeline.config.hazard_schema import Comparison, HazardConfig, HazardRock
 from pipeline.config.layers import Origin, Site, load_site, one_by_one
+from pipeline.config.observation_schema import Observations
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.archive import shipped_equations
 from pipeline.stages.archive.archived_rock import answered
 from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.hazard.ground_shaking import check_peaks
+from pipeline.stages.hazard.rock_ages import check_earthquakes
 from pipeline.stages.hazard.rock_fragility import RockFragility, of_fits, of_members, of_photograph
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import graph, keys, site_folder
@@ -40,6 +42,11 @@ class Other:
         """Stage that makes its fragility."""
         return "uncertainty" if self.uncertain else "fragility"
 
+    @property
+    def observed(self) -> Observations:
+        """What weighs its draws."""
+        return self.site.config.observations if self.uncertain else ()
+
     def folder(self, own: Path) -> Path:
         """Folder of its products, which another site of its name has not."""
         derived = Path(os.path.normpath(own / self.derived))
@@ -62,6 +69,7 @@ class Archived:
 
     name: str
     path: Path
+    observed: Observations = ()
 
     def fragility(self, own: Path) -> RockFragility:
         """What the equations say; nothing is beside the site's ``own`` products."""
@@ -189,7 +197,9 @@ def _other(rock: HazardRock, origin: Origin, drawn: bool) -> Other | Archived:
         path = located(origin.folder_of(key), rock.archive, origin.file_of(key), key)
         answered(path, name)
         return Archived(name, path)
-    return _of_site(name, origin, key, drawn)
+    found = _of_site(name, origin, key, drawn)
+    check_earthquakes(found.site, rock.age)
+    return found
 
 
 def _of_site(name: str, origin: Origin, key: str, drawn: bool) -> Other:

@@ -33,12 +33,16 @@ def refuse(site: Site) -> None:
     And motions of a table whose PGA is not that of the ground.
     """
     check_peaks(site)
-    hazard, key = site.config.hazard, "observations"
+    hazard = site.config.hazard
     if hazard.age and hazard.history:
         _check_order(site)
     now = hazard.history[0].until if hazard.history else hazard.age
-    oldest = ages_of(now).max() if now else math.inf
-    so = " as it stands" if hazard.history else ""
+    check_earthquakes(site, now, " as it stands" if hazard.history else "")
+
+
+def check_earthquakes(site: Site, age: Age | None, so: str = "") -> None:
+    """Refuse earthquakes that a rock of an age was observed to survive before it stood."""
+    oldest, key = ages_of(age).max() if age else math.inf, "observations"
     problems = [
         Problem(
             site.file_of(key),
@@ -46,7 +50,7 @@ def refuse(site: Site) -> None:
             f"{one.year}",
             f"a rock of at most {oldest:,.0f} years{so} did not stand before "
             f"{PRESENT - oldest:.0f}",
-            "leave the earthquake out, or correct its year or hazard.age",
+            "leave the earthquake out, or correct its year or the rock's age",
         )
         for number, one in enumerate(site.config.observations)
         if isinstance(one, Earthquake) and one.year < PRESENT - oldest

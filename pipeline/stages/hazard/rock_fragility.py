@@ -39,6 +39,7 @@ class RockFragility:
     others_by_yaw : dict, from the direction [degree] to those of each member
     tested : tuple of float [g], least and largest PGA that was tried
     records : bool, whether the rows are recorded motions, not pulses
+    repeats : float, how often a draw is among the others, where observations chose them
     """
 
     ratios: Array
@@ -50,6 +51,12 @@ class RockFragility:
     frictions: tuple[float, ...]
     records: bool
     others_by_yaw: dict[float, tuple[RowFragility, ...]] = field(default_factory=dict)
+    repeats: float = 1.0
+
+    @property
+    def draws(self) -> float:
+        """Effective number of draws of the rock, 0 where there are none."""
+        return len(self.others) / self.repeats if self.source == DRAWN else 0.0
 
     def towards(self, yaw: float) -> RockFragility:
         """The same in one direction [degree] alone, where that is known; 270 is -90."""
@@ -138,6 +145,7 @@ def of_members(data: xr.Dataset) -> RockFragility:
 
     every, yaws = slice(None), [(float(yaw), i) for i, yaw in enumerate(data["yaw"].values)]
     members = list(zip(overturned, edges, strict=True))
+    counts = np.unique(data["drawn_seed"].values, return_counts=True)[1]
     found = RockFragility(
         data[ratio].values,
         lognormal_rows(theta, beta),
@@ -151,6 +159,7 @@ def of_members(data: xr.Dataset) -> RockFragility:
             yaw: tuple(rows_with(cells[[i]], edge[[i]], slice(i, i + 1)) for cells, edge in members)
             for yaw, i in yaws
         },
+        float(np.square(counts).sum() / counts.sum()),
     )
     return found.one_row_each()
 

@@ -69,6 +69,11 @@ class DatedRock:
         return max(len(one.others) if one.source == DRAWN else 0 for one in self.stages)
 
     @property
+    def effective(self) -> float:
+        """Effective number of its draws, some of which observations may have chosen repeatedly."""
+        return max(one.draws for one in self.stages)
+
+    @property
     def drawn(self) -> bool:
         """Whether it has draws."""
         return self.draws > 0

@@ -92,9 +92,9 @@ def test_vertical_components_of_peer_are_not_horizontal(name: str) -> None:
 
 
 def test_columns_u_and_v_may_be_horizontal() -> None:
-    for name in ("u", "v", "V", "acc_x", "vel", "up2date"):
+    for name in ("u", "v", "V", "acc_x", "vel", "up-stream", "x (up)", "along-dip down"):
         check_together({"x": Record(wave(1), STEP, (name,), "", "", "g")})
-    for name in ("z [m/s2]", "acc_z", "acceleration_UD", "vert acc", "up (1)", "a (Z)"):
+    for name in ("z [m/s2]", "acc_z", "acceleration_UD", "vert acc", "up (1)", "a (Z)", "accz"):
         assert "which is vertical" in refusal(x=Record(wave(1), STEP, (name,), "", "", "g"))
 
 

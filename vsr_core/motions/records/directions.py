@@ -10,9 +10,13 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Direction, Record
 
 _VERTICAL = re.compile(
-    r"(?i:UP(?:DO(?:WN)?|WARDS?)?|DOWN|DN|DWN|VER|VE?RTC?|VERTICAL|U-?D[12]?|Z)|[A-Z]{2}Z"
+    r"(?i:UP(?:DO(?:WN)?|WARDS?)?|DOWN|DN|DWN|VER|VE?RTC?|VERTI[CK]ALE?|U-?D[12]?|A?(?:CC)?Z\d?)"
+    r"|[A-Z]{2}Z\d?"
 )
-"""Names of vertical channels, or a word of them: of networks' files, and SEED's codes."""
+"""Names of vertical channels: of networks' files, SEED's codes, and of columns."""
+
+_WAYS = re.compile(r"(?i:UP|DOWN|DN|DWN)")
+"""Those that are no vertical as a word beside others: any axis may have a way up."""
 
 _AFTER = re.compile(r"\s*[(\[][^(\[]*[)\]]$")
 """A unit after a name, or the number of a sensor among others in its direction."""
@@ -90,10 +94,11 @@ def _name(record: Record) -> str:
 def _is_vertical(name: str) -> bool:
     """Whether a channel is vertical by its name.
 
-    >>> [_is_vertical(name) for name in ("UD2", "U-D", "-UP", "acc_z", "a (Z)", "V", "y [m/s2]")]
-    [True, True, True, True, True, False, False]
+    >>> [_is_vertical(name) for name in ("UD2", "-UP", "up (1)", "acc_z", "V", "x (up)", "up-dip")]
+    [True, True, True, True, False, False, False]
     """
-    return any(map(_VERTICAL.fullmatch, (name, *re.split(r"[\W_]+", name))))
+    words = [word for word in re.findall(r"[^\W_]+", name) if not _WAYS.fullmatch(word)]
+    return any(map(_VERTICAL.fullmatch, (_AFTER.sub("", name).strip(" -+._"), *words)))
 
 
 def _told(components: Mapping[str, Record]) -> dict[str, Direction]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -56,7 +57,12 @@ def of_curves(hazard: HazardModel, *rocks: DatedRock, component: float = 1.0) ->
     return SurvivalAnalysis(hazard, rocks, shaking.times(component), 0.05)
 
 
-def ensemble(thresholds: list[float], number: int = 80) -> RockFragility:
+def numbered(data: xr.Dataset, seeds: Sequence[int] = ()) -> xr.Dataset:
+    """The same with the seeds of its members, each another unless some are given."""
+    return data.assign(drawn_seed=("member", list(seeds or range(data.sizes["member"]))))
+
+
+def ensemble(thresholds: list[float], number: int = 80, seeds: Sequence[int] = ()) -> RockFragility:
     """Members that topple from a PGA on [g], whatever the direction and PGV/PGA."""
     pga = np.geomspace(0.05, 2.0, number)
     falls = np.array([pga >= threshold for threshold in thresholds]).astype(np.int8)
@@ -64,18 +70,17 @@ def ensemble(thresholds: list[float], number: int = 80) -> RockFragility:
     edges = np.broadcast_to(np.array(thresholds)[:, None, None], falls.shape[:3])
     beta = 0.05  # so narrow about this median that E[threshold^-SLOPE] is that of the members
     theta = np.mean(np.array(thresholds) ** -SLOPE) ** (-1.0 / SLOPE) * np.exp(beta**2)
-    return of_members(
-        xr.Dataset(
-            {
-                "overturned": (("member", "yaw", "pgv_pga", "pga"), falls),
-                "member_boundary": (("member", "yaw", "pgv_pga"), edges),
-                "theta": (("yaw", "pgv_pga"), np.full((2, 3), theta)),
-                "beta": (("yaw", "pgv_pga"), np.full((2, 3), beta)),
-            },
-            {"yaw": [0.0, 90.0], "pgv_pga": [0.05, 0.1, 0.2], "pga": pga},
-            {"searched_from_g": 0.05, "searched_to_g": 2.0},
-        )
+    data = xr.Dataset(
+        {
+            "overturned": (("member", "yaw", "pgv_pga", "pga"), falls),
+            "member_boundary": (("member", "yaw", "pgv_pga"), edges),
+            "theta": (("yaw", "pgv_pga"), np.full((2, 3), theta)),
+            "beta": (("yaw", "pgv_pga"), np.full((2, 3), beta)),
+        },
+        {"yaw": [0.0, 90.0], "pgv_pga": [0.05, 0.1, 0.2], "pga": pga},
+        {"searched_from_g": 0.05, "searched_to_g": 2.0},
     )
+    return of_members(numbered(data, seeds))
 
 
 def test_survival_of_members_that_topple_from_a_level_on() -> None:
@@ -179,8 +184,22 @@ def test_draws_that_come_again_beside_those_of_another_make_no_error_smaller() -
     fresh = DatedRock("fresh", ensemble([0.4] * 20), np.array([1e-6]))
     alone, both = (of_curves(model(1e-4), *rocks) for rocks in ([drawn], [fresh, drawn]))
     error, alike = (survival_error(one, one.survival_of_others()) for one in (alone, both))
-    # with the variance of 20 values in place of that of two: 1 / (1 - 1/2) is 1 / (1 - 1/20)
-    np.testing.assert_allclose(alike, error * np.sqrt(0.5 / 0.95), rtol=1e-6)
+    np.testing.assert_allclose(alike, error, rtol=1e-6)
+
+
+def test_draws_that_observations_chose_repeatedly_make_no_error_smaller() -> None:
+    """Of eight draws that are two, and of some that come once the more often they come."""
+    error = []
+    for thresholds, seeds in (
+        ([0.3, 0.6], [1, 2]),
+        ([0.3, 0.6] * 4, [1, 2] * 4),
+        ([0.3, 0.6] * 4, range(8)),
+    ):
+        rock = DatedRock("rock", ensemble(thresholds, seeds=seeds), np.array([1000.0]))
+        analysis = of_curves(model(1e-4), rock)
+        error.append(float(survival_error(analysis, analysis.survival_of_others())[0]))
+    assert error[1] == pytest.approx(error[0])
+    assert error[2] == pytest.approx(error[0] / math.sqrt(7.0))
 
 
 def test_an_earlier_stage_has_its_draws_where_the_rock_has_none_now() -> None:
@@ -207,7 +226,7 @@ def test_cells_without_a_verdict_do_not_count() -> None:
         {"yaw": [0.0, 90.0], "pgv_pga": [0.1], "pga": [0.5, 1.0]},
         {"searched_from_g": 0.5, "searched_to_g": 1.0},
     )
-    (member,) = of_members(data).others
+    (member,) = of_members(numbered(data)).others
     np.testing.assert_allclose(member(GRAVITY * np.array([0.5, 1.0])), [[0.5, 1.0]])
 
 
@@ -225,7 +244,7 @@ def test_beyond_what_was_tried_half_of_what_stands_falls_where_half_would() -> N
         {"yaw": [0.0, 90.0], "pgv_pga": [0.1], "pga": [0.5, 1.0]},
         {"searched_from_g": 0.5, "searched_to_g": 1.0},
     )
-    rock = of_members(data)
+    rock = of_members(numbered(data))
     levels = GRAVITY * np.array([np.exp(-2.0), 0.5, 0.7, 1.0, np.e])
     expected = [
         0.5 * norm.cdf(-2.0) / norm.cdf(np.log(0.5)),
@@ -251,7 +270,7 @@ def test_draws_of_one_direction_go_on_by_its_own_fit() -> None:
         {"yaw": [0.0, 90.0], "pgv_pga": [0.1], "pga": [0.5, 1.0]},
         {"searched_from_g": 0.5, "searched_to_g": 1.0},
     )
-    rock, levels = of_members(data), np.array([1.0, 2.0, 4.0])
+    rock, levels = of_members(numbered(data)), np.array([1.0, 2.0, 4.0])
     for yaw, median in ((0.0, 2.0), (90.0, 8.0), (-270.0, 8.0)):
         (draw,) = rock.towards(yaw).others
         stands = norm.sf(2.0 * np.log(levels / median))
@@ -276,7 +295,7 @@ def test_a_record_and_its_mirror_image_are_one_row_whatever_their_names() -> Non
             {"yaw": [0.0], "pgv_pga": [0.1, 0.1 * (1 + 1e-12), 0.3], "pga": [0.1, 2.0]},
             {"searched_from_g": 0.1, "searched_to_g": 2.0},
         )
-        rock = of_members(data)
+        rock = of_members(numbered(data))
         np.testing.assert_allclose(rock.ratios, [0.1, 0.3])
         found.append([rows(levels) for rows in (rock.mean, rock.by_yaw[0.0], *rock.others)])
     chance = [norm.cdf(2.0 * np.log(levels / (GRAVITY * median))) for median in (0.4, 0.8)]
@@ -302,7 +321,7 @@ def test_a_member_falls_from_its_boundary_on_also_between_the_cells() -> None:
         {"yaw": [0.0], "pgv_pga": [0.1], "pga": pga},
         {"searched_from_g": 0.1, "searched_to_g": 4.0},
     )
-    (member,) = of_members(data).others
+    (member,) = of_members(numbered(data)).others
     levels = GRAVITY * np.array([0.25, 0.299, 0.301, 0.45, 0.7, 0.9, 1.3, 3.0])
     np.testing.assert_array_equal(member(levels)[0], [0, 0, 1, 1, 0, 0, 1, 1])
 
