@@ -126,8 +126,8 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
     even_times.step(time)
     samples = np.hstack([samples[:, :3], np.unwrap(samples[:, 3:], axis=0)])
     tilt = float(np.abs(samples[:, 3:5]).max())
-    if tilt > 2.0 * math.pi:
-        given, rule = f"roll or pitch of {tilt:.4g} rad", "no table tilts by more than a turn"
+    if tilt > 0.5 * math.pi:
+        given, rule = f"roll or pitch of {tilt:.4g} rad", "no table tilts beyond the vertical"
         raise InvalidInput(given, rule, "name the unit, e.g. roll [degree]")
     _check_ends(time, samples)
     return SampledMotion(np.asarray(time, float), samples)

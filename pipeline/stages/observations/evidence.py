@@ -21,6 +21,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.stages.observations import shaking
 from pipeline.stages.observations.shaking import ShakenBy
 from pipeline.stages.uncertainty.draws import Draw
+from pipeline.workflow.grammar import counted
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.observations import field_tests, weighing
@@ -167,11 +168,12 @@ def refuse(
         raise InputError(*problems)
     if least == weighing.LEAST and (some := weighing.contradiction(likely)):
         *first, last = some
+        draws = counted(likely.shape[1], "draw")
         given = f"{observations[first[0]].words}, and {observations[last].words}"
-        rule = f"it contradicts observation {first[0] + 1}: no draw explains both"
+        rule = f"it contradicts observation {first[0] + 1}: none of {draws} explains both"
         if len(some) > 2:
-            given, rule = f"{len(some)} observations", "no draw explains all of them together"
-        remedy = "correct one or its sd, or widen the priors of uncertainty"
+            given, rule = f"{len(some)} observations", f"none of {draws} explains all together"
+        remedy = "correct one, raise its sd, or give priors of uncertainty that lie about them"
         key = "observations" if len(some) > 2 else f"observations.{last}"
         raise InputError(Problem(file, key, given, rule, remedy))
 

@@ -696,6 +696,9 @@ def test_resampling_is_band_limited() -> None:
     np.testing.assert_allclose(found[200:-200], np.sin(2 * np.pi * 3.0 * at)[200:-200], atol=2e-3)
     high, _ = processing.resampled(np.sin(2.0 * np.pi * 70.0 * t), 0.005, 80.0)
     assert np.abs(high[200:-200]).max() < 0.01  # above the new Nyquist frequency: gone, not folded
+    written, step = processing.resampled(tone, 0.0039063, 100.0)  # of 256 samples a second
+    assert step == pytest.approx(0.0039063 * 64 / 25, rel=1e-12)
+    assert len(written) == math.ceil(len(tone) * 25 / 64)
     refusal(lambda: processing.resampled(tone, 0.005, 200.0 / math.pi), "ratio", "resample")
 
 

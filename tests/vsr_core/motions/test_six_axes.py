@@ -85,6 +85,14 @@ def ramp(axis: str, angle: float, rise: float = 2.0, stay: float = 2.0) -> Sampl
     return sampled(time, samples)
 
 
+def test_a_table_does_not_tilt_beyond_the_vertical() -> None:
+    """Degrees without their unit do, and would be taken for radians."""
+    assert ramp("pitch", 1.5).duration == 4.0
+    for axis in ("roll", "pitch"):
+        with pytest.raises(InvalidInput, match="beyond the vertical"):
+            ramp(axis, 5.0)
+
+
 class Tumbling(TableMotion):
     """Cosines on all six axes, at rest and level at t = 0."""
 

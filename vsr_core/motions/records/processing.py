@@ -24,7 +24,6 @@ Ancheta, T. D. et al. (2014), NGA-West2 database, Earthquake Spectra 30(3), 989-
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 import scipy
@@ -164,6 +163,11 @@ def with_level_baseline(acceleration: Array, interval: float) -> Array:
     return level
 
 
+_WRITTEN = 2e-5
+"""Share by which a new rate of a simple ratio may differ from what is asked for, as time steps are
+written rounded: .0039063 s of 1/256."""
+
+
 def resampled(values: Array, interval: float, rate: float) -> tuple[Array, float]:
     """The values at another rate, by a band-limited filter.
 
@@ -183,15 +187,22 @@ def resampled(values: Array, interval: float, rate: float) -> tuple[Array, float
     InvalidInput
         If the two rates have no simple ratio.
     """
-    ratio = Fraction(rate * interval).limit_denominator(1000)
-    if ratio.numerator == 0 or abs(float(ratio) - rate * interval) > 1e-9 * float(ratio):
+    wanted = rate * interval
+    up, down = next(
+        (
+            (round(wanted * parts), parts)
+            for parts in range(1, 1001)
+            if abs(round(wanted * parts) / parts - wanted)
+            < (_WRITTEN if parts <= 100 else 1e-9) * wanted
+        ),
+        (0, 1),
+    )
+    if up == 0:
         given = f"a rate of {rate:g} for a record of {1.0 / interval:.6g} samples a second"
         rule = "the two have a ratio of whole numbers up to 1000"
         raise InvalidInput(given, rule, "choose such a motion.processing.resample")
-    new: Array = scipy.signal.resample_poly(
-        values, ratio.numerator, ratio.denominator, padtype="line"
-    )
-    return new, interval / float(ratio)
+    new: Array = scipy.signal.resample_poly(values, up, down, padtype="line")
+    return new, interval * down / up
 
 
 def _check_corners(how: Processing, interval: float, number: int) -> None:
