@@ -25,8 +25,9 @@ BOX = "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}\n"
 
 
 LONG = (
-    *("test_all_ways", "test_commands_as_printed", "test_displacement_run", "test_workers"),
-    *("test_reference", "test_cluster"),
+    *("test_all_ways", "test_commands_as_printed", "test_proofs_hunt", "test_bad_input_tables"),
+    *("test_bad_input_files", "test_displacement_run", "test_workers", "test_reference"),
+    *("test_cluster", "test_site"),
     *("test_rebound", "test_prep", "test_resume", "test_displacement_product"),
     *("test_uncertainty_product", "test_damaged_products", "test_same_everywhere", "test_scene3d"),
     *("test_validation_product", "test_installed", "test_convex_parts", "test_bad_input_commands"),

@@ -10,7 +10,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Direction, Record
 
 _VERTICAL = re.compile(
-    r"(?i:UP(?:DO(?:WN)?|WARDS?)?|DOWN|DN|DWN|VER|VE?RTC?|VERTI[CK]ALE?|U-?D[12]?|A?(?:CC)?Z\d?)"
+    r"(?i:(?:UP(?:DO(?:WN)?|WARDS?)?|DOWN|DN|DWN|VER|VE?RTC?|VERTI[CK]ALE?|U-?D|A?(?:CC)?Z)\d?)"
     r"|[A-Z]{2}Z\d?"
 )
 """Names of vertical channels: of networks' files, SEED's codes, and of columns."""
