@@ -226,9 +226,9 @@ class Spell:
     years: Array
 
 
-def spells(rocks: Sequence[Standing], seed: int = 1) -> list[Spell]:
+def spells(rocks: Sequence[Standing]) -> list[Spell]:
     """The past of several rocks from today on, by their ages, which are independent."""
-    turns = independent([len(rock.ages) for rock in rocks], seed)
+    turns = independent([len(rock.ages) for rock in rocks])
     drawn = np.hstack([rock.back_to[own] for rock, own in zip(rocks, turns, strict=True)])
     now = np.concatenate([np.arange(len(rock.fragilities)) == 0 for rock in rocks])
     order = np.argsort(drawn, axis=1)

@@ -54,7 +54,7 @@ class RockFragility:
     repeats: float = 1.0
 
     @property
-    def draws(self) -> float:
+    def effective(self) -> float:
         """Effective number of draws of the rock, 0 where there are none."""
         return len(self.others) / self.repeats if self.source == DRAWN else 0.0
 

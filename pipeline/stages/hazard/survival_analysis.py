@@ -71,7 +71,7 @@ class DatedRock:
     @property
     def effective(self) -> float:
         """Effective number of its draws, some of which observations may have chosen repeatedly."""
-        return max(one.draws for one in self.stages)
+        return max(one.effective for one in self.stages)
 
     @property
     def drawn(self) -> bool:
@@ -201,7 +201,10 @@ class SurvivalAnalysis:
 
     def survival_of_others(self) -> Array:
         """Survival under each branch with each of the other fragilities, (others, branches)."""
-        return np.array([self.all_stand(self.shaking.rates, rocks) for rocks in self.others])
+        return self._with_each(self.shaking.rates)
+
+    def _with_each(self, rates: Rates) -> Array:
+        return np.array([self.all_stand(rates, rocks) for rocks in self.others])
 
     @cached_property
     def _spells(self) -> list[Spell]:
@@ -218,9 +221,7 @@ class SurvivalAnalysis:
         of their survivals.
         """
         if self.drawn:
-            return np.asarray(
-                np.mean([self.all_stand(rates, rocks) for rocks in self.others], axis=0)
-            )
+            return np.asarray(self._with_each(rates).mean(axis=0))
         return self.all_stand(rates, self.standing)
 
     def survival_scaled(self, factor: float) -> float:
