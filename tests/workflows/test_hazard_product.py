@@ -983,7 +983,33 @@ def test_years_in_which_another_rock_was_seen_to_stand_are_no_part_of_its_age(
     for support, years in (("tested", 899.0), ("scan", 900.0)):
         hazard = site.config.hazard.model_copy(update={"support": support})
         (other,) = other_rocks.find(hazard, site.origin).rocks
-        assert back_to(hazard.rocks[0].age, (), other.observed, drawn=True) == [[years]]
+        assert back_to(hazard.rocks[0].age, (), other.observed) == [[years]]
+
+
+@pytest.mark.parametrize(
+    ("year", "words"),
+    [
+        (300, ()),  # 1,650 years before 1950: within the stage, which ended 1,200 before
+        (1906, ("until 1,200 years before 1950",)),
+        (-2100, ("at most 4,000 years as it stood then",)),
+    ],
+)
+def test_an_earthquake_of_a_stage_lies_in_its_time(
+    vsr: Callable[..., Ran],
+    refused: Callable[..., str],
+    write_site: Callable[..., str],
+    year: int,
+    words: tuple[str, ...],
+) -> None:
+    quake = f"{{kind: earthquake, year: {year}, pga: 0.1, pga_log_sd: 1, pgv: 4, pgv_log_sd: 1}}"
+    grid = GRID.replace("members: 0", "members: 4")
+    write_site(f"{BOX}{grid}observations: [{quake}]\n", name="buried")
+    site = write_site(BOX + GRID + EXHUMED)
+    Path(site).with_name("ages.csv").write_text("age_a\n4000\n", encoding="utf-8")
+    if words:
+        refused("plan", "hazard", "--site", site, words=("buried", "observations.0.year", *words))
+    else:
+        assert vsr("plan", "hazard", "--site", site).code == 0
 
 
 @pytest.mark.parametrize("product", ["hazard", "exclusion"])

@@ -81,7 +81,8 @@ def make(
     found = _map(own, faults)
     if faults.faults:
         assert age is not None
-        ages = back_to(age, history, observed, drawn=drawn)[:, 0]  # for which it stood as now
+        seen = observed if drawn else ()
+        ages = back_to(age, history, seen)[:, 0]  # for which it stood as now
         found = found.merge(_of_faults(own, faults, ages))
         found["fault_rejected"] = (found["fault_survival"] < minimum).astype(np.int8)
     known = rock.data.attrs

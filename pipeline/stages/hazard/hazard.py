@@ -84,11 +84,12 @@ def make(
     drawn = ensemble is not None and config.support == "tested"
     own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
     assert config.age is not None
-    *ended, ages = back_to(config.age, config.history, observed, drawn=drawn).T
+    seen = (observed if drawn else (), *(stage.observed for stage in beside.earlier))
+    *ended, ages = back_to(config.age, config.history, *seen).T
     buried = [one.fragility(fits.folder) for one in beside.earlier]
     rocks = [DatedRock(name, own, ages, tuple(zip(buried, ended, strict=True)))]
     for other, given in zip(beside.rocks, config.rocks, strict=True):
-        (since,) = back_to(given.age, (), other.observed, drawn=True).T
+        (since,) = back_to(given.age, (), other.observed).T
         rocks.append(DatedRock(other.name, other.fragility(fits.folder), since))
     compared = {}
     if ensemble is not None:  # beside which settings are compared

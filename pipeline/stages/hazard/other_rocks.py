@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 from pipeline.config.hazard_schema import Comparison, HazardConfig, HazardRock
@@ -111,6 +112,9 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
         _check_request(origin, study, settings)
     drawn = hazard.support == "tested"
     earlier = tuple(_of_site(one.site, origin, "hazard.history", drawn) for one in hazard.history)
+    times = pairwise((*(one.until for one in hazard.history), hazard.age))
+    for stage, (until, since) in zip(earlier, times, strict=True):
+        check_earthquakes(stage.site, since, " as it stood then", until)
     rocks = tuple(_other(rock, origin, drawn) for rock in hazard.rocks)
     named = [origin.name]
     for key, others in (("hazard.history", earlier), ("hazard.rocks", rocks)):

@@ -40,20 +40,25 @@ def refuse(site: Site) -> None:
     check_earthquakes(site, now, " as it stands" if hazard.history else "")
 
 
-def check_earthquakes(site: Site, age: Age | None, so: str = "") -> None:
-    """Refuse earthquakes that a rock of an age was observed to survive before it stood."""
-    oldest, key = ages_of(age).max() if age else math.inf, "observations"
+def check_earthquakes(
+    site: Site, since: Age | None, so: str = "", until: Age | None = None
+) -> None:
+    """Refuse earthquakes that a rock was observed to survive before it stood so, or after."""
+    oldest = ages_of(since).max() if since else math.inf
+    youngest = ages_of(until).min() if until else -math.inf
+    early = f"a rock of at most {oldest:,.0f} years{so} did not stand before {PRESENT - oldest:.0f}"
+    late = f"the rock stood so until {youngest:,.0f} years before {PRESENT} at the latest"
+    key = "observations"
     problems = [
         Problem(
             site.file_of(key),
             f"{key}.{number}.year",
             f"{one.year}",
-            f"a rock of at most {oldest:,.0f} years{so} did not stand before "
-            f"{PRESENT - oldest:.0f}",
+            early if one.year < PRESENT - oldest else late,
             "leave the earthquake out, or correct its year or the rock's age",
         )
         for number, one in enumerate(site.config.observations)
-        if isinstance(one, Earthquake) and one.year < PRESENT - oldest
+        if isinstance(one, Earthquake) and not youngest <= PRESENT - one.year <= oldest
     ]
     if problems:
         raise InputError(*problems)
@@ -88,14 +93,14 @@ def years_observed(observed: Observations) -> int:
     return len({one.year for one in observed if isinstance(one, Earthquake)})
 
 
-def back_to(age: Age, history: History, observed: Observations, *, drawn: bool) -> Array:
+def back_to(age: Age, history: History, *observed: Observations) -> Array:
     """Years before present to which the stages of a rock reach back, the present one first.
 
-    Those in which earthquakes weighed the draws already are left out.
+    Years of earthquakes that weighed the draws of a stage already are left out.
 
     Parameters
     ----------
-    drawn : bool, whether the rock is the draws that observations weigh
+    *observed : Observations of the draws of each stage; none where a rock is as scanned
 
     Returns
     -------
@@ -103,7 +108,7 @@ def back_to(age: Age, history: History, observed: Observations, *, drawn: bool) 
     """
     times = _times(age, history)
     found = in_order(times) if history else times[0][:, None]
-    return np.maximum(found - (years_observed(observed) if drawn else 0), 0.0)
+    return np.maximum(found - np.cumsum([*map(years_observed, observed)]), 0.0)
 
 
 def of_age(age: Age) -> str:

@@ -18,6 +18,7 @@ from pipeline.config.hazard_schema import (
     NormalAge,
     SampledAge,
 )
+from pipeline.config.observation_schema import Earthquake
 from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
@@ -410,7 +411,7 @@ def test_members_keep_what_is_unknown_of_them_through_stages() -> None:
     now, buried, rate, age = [0.3, 0.6], [0.5, 0.9], 1e-4, 2000.0
     stage = EarlierStage(site="buried", until=NormalAge(kind="normal", mean=800.0))
     given = NormalAge(kind="normal", mean=age)
-    until, reached = back_to(given, (stage,), (), drawn=True).T
+    until, reached = back_to(given, (stage,), ()).T
     own, before = ensemble(now, 2000), ensemble(buried, 2000)
     rock = DatedRock("rock", own, reached, ((before, until),))
     analysis = of_curves(model(rate), rock)
@@ -428,11 +429,28 @@ def test_members_keep_what_is_unknown_of_them_through_stages() -> None:
     np.testing.assert_allclose(analysis.survival_alone(0)[0], found[BASE_CASE], rtol=1e-12)
 
 
+def test_years_in_which_a_stage_was_seen_to_stand_shorten_that_stage_alone() -> None:
+    stages = tuple(
+        EarlierStage(site=name, until=NormalAge(kind="normal", mean=mean))
+        for name, mean in (("half", 100.0), ("buried", 300.0))
+    )
+    age = NormalAge(kind="normal", mean=1000.0)
+    one, two = (
+        Earthquake(kind="earthquake", year=year, pga=0.1, pga_log_sd=0.3, pgv=4, pgv_log_sd=0.3)
+        for year in (1700, 1750)
+    )
+    lasted = [
+        np.diff(back_to(age, stages, *seen), prepend=0.0).tolist()
+        for seen in (((), (), ()), ((), (one, two, two), ()), ((one,), (), (one,)))
+    ]
+    assert lasted == [[[100.0, 200.0, 700.0]], [[100.0, 198.0, 700.0]], [[99.0, 200.0, 699.0]]]
+
+
 def test_the_direction_and_the_age_of_a_rock_are_those_of_its_stages_too() -> None:
     """Both fragilities have one in all directions; young and old rocks are of the same stages."""
     rate, spread = 1e-4, BoundedAge(kind="bounds", low=1000.0, high=3000.0)
     stage = EarlierStage(site="buried", until=BoundedAge(kind="bounds", low=500.0, high=1500.0))
-    until, reached = back_to(spread, (stage,), (), drawn=True).T
+    until, reached = back_to(spread, (stage,), ()).T
     assert (until < reached).all()
     weak, strong = ensemble([0.3] * 2, 2000), ensemble([0.6] * 2, 2000)
     analysis = of_curves(model(rate), DatedRock("rock", weak, reached, ((strong, until),)))
