@@ -75,8 +75,8 @@ def text(derived: Path, folders: list[Path], known: Known) -> tuple[str, Known, 
     ]
     with_page = [one for one in groups if any(entry["pages"] for entry in one["entries"])]
     without = [entry for one in groups if one not in with_page for entry in one["entries"]]
-    found = {"groups": with_page, "runs": without, "left_out": reader.left_out, "up": ""}
-    return pages.filled(TEMPLATE, found), reader.read, reader.left_out
+    found = {"groups": with_page, "runs": without, "left_out": reader.left_out}
+    return pages.filled(TEMPLATE, found, ""), reader.read, reader.left_out
 
 
 class _Reader:

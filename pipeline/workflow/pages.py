@@ -17,12 +17,16 @@ _DASH = "\N{EN DASH}"
 """Stands for a number that is not known."""
 
 
-def filled(name: str, facts: dict[str, Any]) -> str:
+def filled(name: str, facts: dict[str, Any], up: str = "../") -> str:
     """A template with all its places filled; one that is not among ``facts`` is an error.
 
     Everything is escaped: names and paths are the user's.
+
+    Parameters
+    ----------
+    up : str, the way from the page to the folder of all results, as a link has it
     """
-    return _environment().get_template(name).render(facts)
+    return _environment().get_template(name).render(facts, up=up)
 
 
 def source(name: str) -> str:
@@ -57,7 +61,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals |= {"number": _number, "fixed": _fixed, "up": "../"}
+    environment.globals |= {"number": _number, "fixed": _fixed}
     words = (grammar.many, grammar.counted, grammar.form, grammar.listed)
     environment.globals |= {word.__name__: word for word in words}
     return environment

@@ -254,6 +254,8 @@ class Store:
         manifest = lender.manifest(stage) if lender else None
         if lender is None or manifest is None or manifest["key"] != key or lender.damage(stage):
             return ""
+        if lender.up != self.up and any(name.endswith(".html") for name in manifest["files"]):
+            return ""  # its pages link to where all results lie
         writers: dict[str, Writer] = {
             name: partial(shutil.copyfile, lender.folder / name) for name in manifest["files"]
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
@@ -234,3 +235,17 @@ def test_no_member_runs_where_one_cannot(study: Study) -> None:
     assert ran.code == 2
     assert "where nothing shakes it" in ran.err.splitlines()[-1]
     assert not list(study.derived.rglob(RUNS))
+
+
+def test_pages_of_members_lead_to_all_results(study: Study) -> None:
+    """Also where the site has made the same page already, in another folder."""
+    text = "sweep: {size: {rock.size: [[0.5, 1, 2], [0.5, 1, 3]]}}\nuncertainty: {members: 0}\n"
+    (study.folder / "study.yaml").write_text(text)
+    line = ("--set", "uncertainty.members=0", "--workers", "0")
+    assert study.vsr("run", "exclusion", "--site", study.site, *line).code == 0
+    assert study.vsr("run", "exclusion", *study.line(), "--workers", "0").code == 0
+    pages = [*study.derived.rglob("exclusion.html"), *study.derived.rglob("study.html")]
+    assert len(pages) == 4
+    for page in pages:
+        links = re.findall(r'href="([^"#]*)">All results<', page.read_text(encoding="utf-8"))
+        assert [(page.parent / link).resolve() for link in links] == [study.derived / "index.html"]

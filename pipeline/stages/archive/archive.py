@@ -56,7 +56,7 @@ def make(options: argparse.Namespace) -> tuple[Store, int]:
     }
     facts = _facts(archive, found, shipped, path)
     facts |= {"figure": png_uri(drawn), "spread": png_uri(archive_figures.spread(dataset))}
-    files[PAGE] = writers.text(pages.filled(PAGE, facts))
+    files[PAGE] = writers.text(pages.filled(PAGE, facts, "../../"))
     unanswered = len(archive.problems)
     store = Store(_folder(options.derived, path))
     with store:

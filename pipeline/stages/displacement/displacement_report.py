@@ -93,8 +93,9 @@ def make(
             "records": motion.kind == "record",
             "tables": motion.kind == "table",
         },
+        up=work.up,
     )
-    space = scene3d.page(displacement, terrain, rock, work.origin.name, source)
+    space = scene3d.page(displacement, terrain, rock, work.origin.name, source, work.up)
     files |= {PAGE: text(report), SPACE: text(space)}
     sizes = f"{len(report) / 1e6:.1f} MB, and {len(space) / 1e6:.1f} MB in three dimensions"
     return Product(files, sizes)
@@ -156,6 +157,7 @@ def page(
     *,
     surrogate: bool,
     numerics: Row | None = None,
+    up: str = "../",
 ) -> str:
     """Everything about large displacement in one page that loads nothing.
 
@@ -169,6 +171,8 @@ def page(
         Whether the terrain is not a scan, but made from published figures.
     numerics : dict, optional
         Measured time steps, settings of the simulation, and what kind of motions there are.
+    up : str
+        The way from the page to the folder of all results, as a link has it.
 
     Returns
     -------
@@ -191,7 +195,7 @@ def page(
         "slots": slots,
         "numerics": numerics,
     }
-    return filled(TEMPLATE, facts)
+    return filled(TEMPLATE, facts, up)
 
 
 def _answer(displacement: xr.Dataset) -> Row:

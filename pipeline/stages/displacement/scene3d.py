@@ -38,7 +38,12 @@ _VIEW_POINTS = 500  # of all paths, to choose where to look from
 
 
 def page(
-    displacement: xr.Dataset, terrain: xr.Dataset, rock: xr.Dataset, title: str, source: str
+    displacement: xr.Dataset,
+    terrain: xr.Dataset,
+    rock: xr.Dataset,
+    title: str,
+    source: str,
+    up: str = "../",
 ) -> str:
     """Page with the paths of all runs that left the seat, one of which is played.
 
@@ -48,6 +53,8 @@ def page(
     ----------
     source : str
         Where rock and terrain come from, such as that they are surrogates.
+    up : str
+        The way from the page to the folder of all results, as a link has it.
 
     Returns
     -------
@@ -93,6 +100,7 @@ def page(
             "data": data,
             "scripts": [Markup(script) for script in scripts],  # noqa: S704  (our own files)
         },
+        up,
     )
 
 

@@ -96,7 +96,7 @@ def make(
         FILE: netcdf(described(found, work, "Exclusion")),
         TABLE: writers.table(_distances(found)),
         FAULTS: writers.table(_table(found)),
-        PAGE: writers.text(pages.filled(PAGE, page)),
+        PAGE: writers.text(pages.filled(PAGE, page, work.up)),
     }
     return Product(files, _summary(found))
 

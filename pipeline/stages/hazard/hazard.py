@@ -116,7 +116,7 @@ def make(
         FILE: netcdf(described(found, work, "Hazard")),
         TABLE: writers.table(table(found)),
         **{name: writers.table(one) for name, one in drawn_tables(found).items()},
-        PAGE: writers.text(pages.filled(PAGE, facts)),
+        PAGE: writers.text(pages.filled(PAGE, facts, work.up)),
     }
     rejected = int(results.rejected.sum())
     before, after = (

@@ -108,7 +108,7 @@ def make(
     }
     uris = {name: png_uri(figure) for name, figure in drawn.items()}
     facts = page.facts(work.origin.name, dataset, found, uris)
-    files = {Observed.FILE: netcdf(dataset), PAGE: writers.text(pages.filled(PAGE, facts))}
+    files = {Observed.FILE: netcdf(dataset), PAGE: writers.text(pages.filled(PAGE, facts, work.up))}
     for name, figure in drawn.items():
         files |= pictures(name, figure)
     return Product(files, page.summary(dataset))

@@ -120,7 +120,6 @@ def page(site: str, up: str, parts: Parts, runs: list[Played]) -> str:
         PAGE,
         {
             "site": site,
-            "up": up,
             "source": rock.attrs["shape_source"],
             "mass": float(rock.attrs["mass_kg"]),
             "on_terrain": settings.on_terrain,
@@ -132,6 +131,7 @@ def page(site: str, up: str, parts: Parts, runs: list[Played]) -> str:
                 for script in (*scripts(), *own_scripts)
             ],
         },
+        up,
     )
 
 

@@ -112,7 +112,7 @@ def _seat(parts: Parts) -> str:
 def make(work: Work, parts: Parts, sample: Later[BulletSample | None]) -> Product:
     """Draw the figures and fill in the page."""
     facts = _facts(work, parts, sample)
-    text = pages.filled(FILE, facts | {"up": work.up})
+    text = pages.filled(FILE, facts, work.up)
     lost = facts["unresolved"]["total"]
     verdict = f"{counted(lost, 'run')} UNRESOLVED" if lost else "all runs are resolved"
     note = f"{len(text) / 1e6:.2f} MB, diagrams: {len(facts['diagrams'])}; {verdict}"

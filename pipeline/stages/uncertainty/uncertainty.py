@@ -115,7 +115,10 @@ def make(
         step,
         {name: png_uri(figure) for name, figure in drawn.items()},
     )
-    files = {EnsembleData.FILE: netcdf(dataset), PAGE: writers.text(pages.filled(PAGE, facts))}
+    files = {
+        EnsembleData.FILE: netcdf(dataset),
+        PAGE: writers.text(pages.filled(PAGE, facts, work.up)),
+    }
     for name, figure in drawn.items():
         files |= pictures(name, figure)
     lost = int(found.unresolved.sum())

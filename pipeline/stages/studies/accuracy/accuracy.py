@@ -55,7 +55,7 @@ def make(work: Work, study: Study, measured: StepData) -> Product:
     files = {
         FILE: netcdf(described(_dataset(targets, cells), work, "Accuracy")),
         TABLE: writers.table(table[list(comparison.COLUMNS)]),
-        PAGE: writers.text(pages.filled(PAGE, shown)),
+        PAGE: writers.text(pages.filled(PAGE, shown, work.up)),
         **pictures(PICTURE, diagram),
     }
     return Product(files, _summary(table))

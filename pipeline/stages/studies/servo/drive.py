@@ -93,7 +93,7 @@ def make(
     made = {
         FILE: netcdf(dataset),
         TABLE: writers.table(pd.DataFrame(records, columns=drive_runs.COLUMNS)),
-        PAGE: writers.text(pages.filled(PAGE, page)),
+        PAGE: writers.text(pages.filled(PAGE, page, work.up)),
     }
     for name, figure in drawn.items():
         made |= pictures(name, figure)

@@ -59,9 +59,8 @@ def make(swept: Swept, key: str) -> Product:
         "members": _members(swept),
         "sizes": dict(data.sizes),
         "surrogate": _surrogate(swept),
-        "up": job.store.up,
     }
-    files = {DATA: netcdf(data), PAGE: writers.text(pages.filled(PAGE, page))}
+    files = {DATA: netcdf(data), PAGE: writers.text(pages.filled(PAGE, page, job.store.up))}
     sizes = " x ".join(f"{len(one.labels)} {one.name}" for one in dimensions)
     return Product(files, f"{sizes}; {page['headline']}")
 
