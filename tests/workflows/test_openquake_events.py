@@ -67,7 +67,7 @@ def test_events_and_curves_of_one_model_agree(simulated: event_files.EventSet) -
     shares = load_disaggregation(SHARED / "disaggregation")
     scenarios = shares.magnitudes, shares.distances, shares.levels, shares.shares
     table = ratios_of_scenarios(*scenarios, np.geomspace(0.05, 40.0, 200))
-    of_curves = CurveShaking(curves, table)
+    of_curves = CurveShaking(curves, table, borders_of(RATIOS))
     expected = weights @ of_curves.rates(of_curves.fragility(ROWS, RATIOS))
 
     def of_events(ratio: np.ndarray) -> tuple[float, float]:

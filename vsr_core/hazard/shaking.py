@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -15,9 +16,11 @@ from vsr_core.hazard.toppling import (
     PARTS,
     Fragility,
     RowFragility,
-    averaged,
     borders_of,
+    points,
     rate_by_row,
+    shares_between,
+    summed,
     toppling,
 )
 
@@ -36,11 +39,13 @@ class CurveShaking:
 
     Attributes
     ----------
+    borders : ndarray, shape (cells - 1,) [s], ascending, of PGV/PGA, between those of all rocks
     factor : float, of the PGA at the rock over that of the curves
     """
 
     curves: tuple[HazardCurve, ...]
     table: RatioTable
+    borders: Array
     factor: float = 1.0
 
     @property
@@ -48,20 +53,35 @@ class CurveShaking:
         """Levels of PGA at which some branch has a rate [m/s^2]."""
         return max((one.levels for one in self.curves), key=len)
 
+    @cached_property
+    def _at(self) -> Array:
+        """PGA at the rock at which a fragility is known, shape (n,) [m/s^2]."""
+        return points(self.levels[[0, -1]] * [1.0 / REACH, REACH])
+
+    @cached_property
+    def _shares(self) -> Array:
+        """Share of the shaking in each cell of PGV/PGA, shape (cells, n)."""
+        return shares_between(self.borders, *self.table.at(self._at))
+
     def fragility(self, rows: RowFragility, ratios: Array) -> Fragility:
-        """Fragility over the PGA of the curves, averaged over PGV/PGA.
+        """Fragility in each cell of PGV/PGA, shape (cells, n) at n PGA.
 
         Parameters
         ----------
         ratios : ndarray, shape (rows,) [s], ascending, PGV/PGA of the rows
         """
-        return averaged(rows, ratios, self.table, self.levels[[0, -1]] * [1.0 / REACH, REACH])
+        return _in_cells(rows, self._at, _row_of_cells(self.borders, ratios))
+
+    def _averaged(self, fragility: Fragility) -> Fragility:
+        """The same over PGA alone: only then, as rocks feel one PGV/PGA in an earthquake."""
+        return summed(self._at, self._shares, fragility(self._at))
 
     def rates(self, fragility: Fragility) -> Array:
         """Annual rates of toppling, shape (branches,)."""
+        mean = self._averaged(fragility)
 
         def moved(level: Array) -> Array:
-            return fragility(self.factor * level)
+            return mean(self.factor * level)
 
         return np.array([toppling(one, moved).rate for one in self.curves])
 
@@ -81,7 +101,7 @@ class CurveShaking:
         starts : ndarray, shape (m,) [m/s^2], where parts of PGA begin; the last has no end
         rates : ndarray, shape (rows, m) [1/year]
         """
-        curve, fragility = self.curves[0], self.fragility(rows, ratios)
+        curve, fragility = self.curves[0], self._averaged(self.fragility(rows, ratios))
         _, rates = rate_by_row(curve, fragility, rows, ratios, self.table)
         places = np.arange(len(curve.levels)), np.log(curve.levels)
         return np.exp(np.interp(np.arange(rates.shape[1]) / PARTS, *places)), rates
@@ -118,18 +138,9 @@ class EventShaking:
         ----------
         ratios : ndarray, shape (rows,) [s], ascending, PGV/PGA of the rows
         """
-        row = self._row(ratios)
         first, last = np.log(self.levels[[0, -1]]) + np.log([1.0 / REACH, REACH])
-        step = np.log(PART)
-        known = rows(np.exp(np.arange(first, last + step, step)))
-
-        def fragility(level: Array) -> Array:
-            at = np.clip((np.log(level) - first) / step, 0.0, known.shape[1] - 1.001)
-            below = at.astype(np.int64)
-            part = at - below
-            return ((1.0 - part) * known[:, below] + part * known[:, below + 1])[row]
-
-        return fragility
+        at = np.exp(np.arange(first, last + np.log(PART), np.log(PART)))
+        return _in_cells(rows, at, _row_of_cells(self.borders, ratios))
 
     def rates(self, fragility: Fragility) -> Array:
         """Annual rates of toppling, shape (branches,)."""
@@ -148,12 +159,8 @@ class EventShaking:
         fragility = self.fragility(rows, ratios)(self.levels)
         rates = np.zeros((len(ratios), len(self.levels)))
         parts = self.counted[[0]].toarray().reshape(fragility.shape) * fragility
-        np.add.at(rates, self._row(ratios), parts)
+        np.add.at(rates, _row_of_cells(self.borders, ratios), parts)
         return self.levels / np.sqrt(PART), rates
-
-    def _row(self, ratios: Array) -> Indices:
-        """The row that each cell of PGV/PGA is in, shape (cells,)."""
-        return np.searchsorted(borders_of(ratios), np.append(0.0, self.borders), side="right")
 
     def resampled(self, fragility: Fragility, number: int, seed: int = 1) -> Array:
         """Rates of toppling of other catalogues that might have been simulated.
@@ -182,6 +189,25 @@ class EventShaking:
 
 
 Shaking = CurveShaking | EventShaking
+
+
+def _row_of_cells(borders: Array, ratios: Array) -> Indices:
+    """The row that each cell of PGV/PGA is in, shape (cells,)."""
+    return np.searchsorted(borders_of(ratios), np.append(0.0, borders), side="right")
+
+
+def _in_cells(rows: RowFragility, at: Array, row: Indices) -> Fragility:
+    """Rows in each cell, straight in ln PGA between points that are equally far apart."""
+    known, first = rows(at), np.log(at[0])
+    step = (np.log(at[-1]) - first) / (len(at) - 1)
+
+    def fragility(level: Array) -> Array:
+        place = np.clip((np.log(level) - first) / step, 0.0, len(at) - 1.001)
+        below = place.astype(np.int64)
+        part = place - below
+        return ((1.0 - part) * known[:, below] + part * known[:, below + 1])[row]
+
+    return fragility
 
 
 def counted_shaking(events: Events, ratio: Array, borders: Array, weights: Array) -> EventShaking:

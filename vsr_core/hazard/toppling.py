@@ -13,7 +13,8 @@ from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.ratio import RatioTable
 
 Fragility = Callable[[Array], Array]
-"""Probability of toppling at peak ground accelerations [m/s^2], which does not fall with them."""
+"""Probability of toppling at n peak ground accelerations [m/s^2]: of shape (n,), and it does not
+fall with them, or in cells of PGV/PGA, of shape (cells, n)."""
 
 PARTS = 128
 """Parts of an interval between two levels of a curve, equal in ln level."""
@@ -137,10 +138,25 @@ def averaged(rows: RowFragility, ratios: Array, table: RatioTable, levels: Array
     -------
     Fragility, between the levels; beyond them with their values
     """
+    at = points(levels)
+    return summed(at, row_shares(ratios, *table.at(at)), rows(at))
+
+
+def points(levels: Array) -> Array:
+    """Accelerations at which an average is computed, shape (n,), equally far apart in logarithm."""
     number = 2 + int(np.log(levels[1] / levels[0]) / np.log(FINEST))
-    at = np.geomspace(levels[0], levels[1], number)
-    chance = np.maximum.accumulate((row_shares(ratios, *table.at(at)) * rows(at)).sum(axis=0))
-    x = np.log(at)
+    return np.geomspace(levels[0], levels[1], number)
+
+
+def summed(at: Array, shares: Array, chances: Array) -> Fragility:
+    """Probability of toppling of which rows have shares, made not to fall.
+
+    Parameters
+    ----------
+    at : ndarray, shape (n,) [m/s^2], ascending; beyond them it is as at the ends
+    shares, chances : ndarray, shape (rows, n)
+    """
+    x, chance = np.log(at), np.maximum.accumulate((shares * chances).sum(axis=0))
 
     def fragility(level: Array) -> Array:
         return np.interp(np.log(level), x, chance)
@@ -166,9 +182,13 @@ def row_shares(ratios: Array, medians: Array, log_sds: Array) -> Array:
     -------
     ndarray, shape (rows, n), columns sum to 1
     """
-    borders = np.concatenate([[-np.inf], np.log(borders_of(ratios)), [np.inf]])
-    below = ndtr((borders[:, None] - np.log(medians)) / log_sds)
-    return np.diff(below, axis=0)
+    return shares_between(borders_of(ratios), medians, log_sds)
+
+
+def shares_between(borders: Array, medians: Array, log_sds: Array) -> Array:
+    """The same of cells between borders, shape (cells - 1,) [s], ascending."""
+    ends = np.concatenate([[-np.inf], np.log(borders), [np.inf]])
+    return np.diff(ndtr((ends[:, None] - np.log(medians)) / log_sds), axis=0)
 
 
 def rate_by_row(

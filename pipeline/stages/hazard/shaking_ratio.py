@@ -135,15 +135,15 @@ def of_hazard(
     """
     if events is None or events.pgv is None or config.pgv_pga is not None:
         found = of_model(config, model, model.levels[[0, -1]], disaggregated)
+    borders = np.unique(np.concatenate([borders_of(one) for one in ratios]))
     if events is None:
         curves = tuple(one.pga for one in model.branches)
         tables = found.alternatives.items()
         return AssumedShaking(
             found.source,
-            CurveShaking(curves, found.table),
-            {name: CurveShaking(curves, table) for name, table in tables},
+            CurveShaking(curves, found.table, borders),
+            {name: CurveShaking(curves, table, borders) for name, table in tables},
         )
-    borders = np.unique(np.concatenate([borders_of(one) for one in ratios]))
     weights = np.array([one.weight for one in model.branches])
     if events.pgv is None or config.pgv_pga is not None:
         drawn = {

@@ -11,9 +11,16 @@ from scipy.stats import norm
 from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.events import Events
 from vsr_core.hazard.ratio import RatioTable
-from vsr_core.hazard.shaking import CurveShaking, EventShaking, counted_shaking
+from vsr_core.hazard.shaking import CurveShaking, EventShaking, Shaking, counted_shaking
 from vsr_core.hazard.survival import Stage, Standing, survival_of
-from vsr_core.hazard.toppling import RowFragility, any_of, borders_of, lognormal_rows, row_shares
+from vsr_core.hazard.toppling import (
+    Fragility,
+    RowFragility,
+    any_of,
+    borders_of,
+    lognormal_rows,
+    row_shares,
+)
 
 SLOPE, LEAST, YEARS = 2.5, 0.5, 1e5
 TABLE = RatioTable(np.array([1.0]), np.array([0.1]), np.array([0.5]))
@@ -105,16 +112,31 @@ def test_rates_of_a_power_law_in_closed_form(events: Events, ratio: np.ndarray) 
 def test_curves_and_events_of_one_hazard_agree(events: Events, ratio: np.ndarray) -> None:
     level = np.geomspace(LEAST, 500.0 * LEAST, 200)
     curves = tuple(HazardCurve(level, rate * (level / LEAST) ** -SLOPE) for rate in (0.1, 0.3))
-    expected = CurveShaking(curves, TABLE)
+    expected = CurveShaking(curves, TABLE, BORDERS)
     found = counted(events, ratio)
+
+    def either(shaking: Shaking) -> Fragility:
+        rocks = ((ROWS, RATIOS), (OTHER_ROWS, OTHER))
+        return any_of([shaking.fragility(*rock) for rock in rocks])
+
     for factor in (1.0, 1.2):
-        wanted, got = (
-            one.times(factor).rates(one.fragility(ROWS, RATIOS)) for one in (expected, found)
-        )
-        assert (np.abs(got - wanted) < 4.0 * np.sqrt(wanted / YEARS)).all()
+        for fragility in (lambda one: one.fragility(ROWS, RATIOS), either):
+            wanted, got = (one.times(factor).rates(fragility(one)) for one in (expected, found))
+            assert (np.abs(got - wanted) < 4.0 * np.sqrt(wanted / YEARS)).all()
     rates = [one.mean(WEIGHTS).by_row(ROWS, RATIOS)[1].sum(axis=1) for one in (expected, found)]
     error = 4.0 * np.sqrt(rates[0] / YEARS)
     assert (np.abs(rates[1] - rates[0]) < error).all()
+
+
+def test_rocks_that_topple_by_velocity_feel_one_pgv_pga_under_curves() -> None:
+    """Two that are alike and topple for certain from a PGV on are one: both or none falls."""
+    level = np.geomspace(LEAST, 500.0 * LEAST, 200)
+    ratios = np.geomspace(0.02, 0.5, 40)
+    sharp = lognormal_rows(0.4 / ratios[None], np.full((1, 40), 1e-6))
+    curve = HazardCurve(level, 0.1 * (level / LEAST) ** -SLOPE)
+    shaking = CurveShaking((curve,), TABLE, borders_of(ratios))
+    one = shaking.fragility(sharp, ratios)
+    np.testing.assert_allclose(shaking.rates(any_of([one, one])), shaking.rates(one), rtol=1e-3)
 
 
 def test_where_it_topples_adds_up(events: Events, ratio: np.ndarray) -> None:

@@ -36,6 +36,7 @@ from vsr_core import GRAVITY
 from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.ratio import RatioTable
 from vsr_core.hazard.shaking import CurveShaking
+from vsr_core.hazard.toppling import borders_of
 
 SLOPE = 2.0
 TABLE = RatioTable(np.array([1.0]), np.array([0.1]), np.array([0.4]))
@@ -54,7 +55,9 @@ def model(*rates: float) -> HazardModel:
 
 
 def of_curves(hazard: HazardModel, *rocks: DatedRock, component: float = 1.0) -> SurvivalAnalysis:
-    shaking = CurveShaking(tuple(one.pga for one in hazard.branches), TABLE)
+    ratios = [stage.ratios for rock in rocks for stage in rock.stages]
+    borders = np.unique(np.concatenate([*map(borders_of, ratios)]))
+    shaking = CurveShaking(tuple(one.pga for one in hazard.branches), TABLE, borders)
     return SurvivalAnalysis(hazard, rocks, shaking.times(component), 0.05)
 
 
