@@ -109,6 +109,22 @@ def by_row(fits: xr.Dataset, hazard: xr.Dataset, pga: Array) -> Array:
     return np.diff(norm.cdf((borders[:, None] - middle) / spread), axis=0) * chance
 
 
+def shaken(fits: xr.Dataset, hazard: xr.Dataset, pga: Array) -> Array:
+    """Probability of toppling at equally likely PGV/PGA, one a line, shape (lines, n).
+
+    They are those of any rock, each of which topples by the row that is nearest.
+    """
+    theta, beta = (fits[name].values[:, 0, :, None] for name in ("theta", "beta"))
+    chance = norm.cdf(np.log(pga / theta) / beta).mean(axis=0)
+    known = np.log(hazard["pga"].values)
+    middle = np.interp(np.log(pga), known, np.log(hazard["pgv_pga_median"].values))
+    spread = np.interp(np.log(pga), known, hazard["pgv_pga_log_sd"].values)
+    drawn = middle + spread * norm.ppf((np.arange(200) + 0.5) / 200)[:, None]
+    rows = np.log(fits["pgv_pga"].values)
+    nearest = np.abs(drawn[..., None] - rows).argmin(axis=-1)
+    return chance[nearest, np.arange(len(pga))]
+
+
 def parts_of(levels: Array, rates: Array) -> tuple[Array, Array]:
     """PGA in fine steps, the last beyond all levels, and the rate of earthquakes of each."""
     held = levels[rates > 0.0]
@@ -565,12 +581,11 @@ def test_a_rock_of_an_archive_stands_beside_that_of_the_site(
     levels, rates = levels_and_rates("PGA")
     for row, survival in zip(rates, found["survival"].values, strict=True):
         pga, rate = parts_of(levels, row)
-        own = by_row(read(derived / "beside" / "fragility.nc"), found, pga).sum(axis=0)
-        other = by_row(photographed, found, pga).sum(axis=0)
-        only = float(rate @ ((1.0 - own) * other))
+        own = shaken(read(derived / "beside" / "fragility.nc"), found, pga)
+        only = float(rate @ ((1.0 - own) * shaken(photographed, found, pga)).mean(axis=0))
         spared = (math.exp(-300.0 * only) - math.exp(-500.0 * only)) / (200.0 * only)
         assert spared < 0.999
-        assert survival == pytest.approx(survived(rate @ own) * spared, rel=0.02)
+        assert survival == pytest.approx(survived(rate @ own.mean(axis=0)) * spared, rel=0.02)
     assert "hazard: up to date" in vsr("why", "hazard", "--site", site).out
     archive.write_text(f"{header}Ridge 7,10,12,0.6,0.6\n", encoding="utf-8")
     assert "hazard: up to date" not in vsr("why", "hazard", "--site", site).out
@@ -604,12 +619,11 @@ def test_rocks_of_one_site_are_combined(
     for row in rates:
         pga, rate = parts_of(levels, row)
         narrow, broad = (
-            by_row(read(derived / name / "fragility.nc"), found, pga).sum(axis=0)
-            for name in ("rock", "broad")
+            shaken(read(derived / name / "fragility.nc"), found, pga) for name in ("rock", "broad")
         )
-        only = float(rate @ ((1.0 - narrow) * broad))
+        only = float(rate @ ((1.0 - narrow) * broad).mean(axis=0))
         spared = (math.exp(-300.0 * only) - math.exp(-500.0 * only)) / (200.0 * only)
-        alone.append(survived(rate @ narrow))
+        alone.append(survived(rate @ narrow.mean(axis=0)))
         expected.append(alone[-1] * spared)
     assert min(np.array(expected) / alone) < 0.98
     np.testing.assert_allclose(found["survival"], expected, rtol=0.02)
@@ -984,6 +998,32 @@ def test_years_in_which_another_rock_was_seen_to_stand_are_no_part_of_its_age(
         hazard = site.config.hazard.model_copy(update={"support": support})
         (other,) = other_rocks.find(hazard, site.origin).rocks
         assert back_to(hazard.rocks[0].age, (), other.observed) == [[years]]
+
+
+def test_another_rock_has_the_stages_of_its_own_file(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+) -> None:
+    """Beside a slab that nothing topples it survives as it does alone, and is told of."""
+    write_site(BOX.replace("1.2]", "0.9]") + GRID, name="buried")
+    ridge = write_site(BOX + GRID + EXHUMED, name="ridge")
+    Path(ridge).with_name("ages.csv").write_text("age_a\n2500\n4000\n", encoding="utf-8")
+    age = "{kind: samples, file: ages.csv}"
+    slab = BOX.replace("[0.25, 0.5, 1.2]", "[3, 3, 0.2]") + GRID
+    site = write_site(
+        f"{slab}hazard: {{curves: {CURVES}, age: {{kind: normal, mean: 9000}}, compare: [], "
+        f"rocks: [{{site: ridge.yaml, age: {age}}}]}}\n"
+    )
+    for one in (ridge, site):
+        assert vsr("run", "hazard", "--site", one, "--workers", 0).code == 0
+    alone, both = (read(derived / name / "hazard.nc")["survival"] for name in ("ridge", "rock"))
+    np.testing.assert_allclose(both, alone, rtol=1e-3)
+    page = (derived / "rock" / "hazard.html").read_text(encoding="utf-8")
+    assert "before present (invented) ridge stood as buried does" in page
+    young = f"hazard.rocks=[{{site: {ridge}, age: {{kind: normal, mean: 900}}}}]"
+    ran = vsr("plan", "hazard", "--site", site, "--set", young)
+    assert ran.code == 2
+    assert "ridge.yaml" in ran.err
+    assert "hazard.history" in ran.err
 
 
 @pytest.mark.parametrize(

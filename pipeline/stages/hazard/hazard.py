@@ -33,8 +33,8 @@ from pipeline.stages.hazard.hazard_dataset import (
     table,
 )
 from pipeline.stages.hazard.hazard_model import MOST_PGA
-from pipeline.stages.hazard.other_rocks import Others
-from pipeline.stages.hazard.rock_ages import back_to, of_age, years_observed
+from pipeline.stages.hazard.other_rocks import Others, dated
+from pipeline.stages.hazard.rock_ages import of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import of_fits, of_members
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, DRAWN_AGAIN, AssumedShaking, of_hazard
 from pipeline.stages.hazard.survival_analysis import (
@@ -42,7 +42,6 @@ from pipeline.stages.hazard.survival_analysis import (
     AS_TESTED,
     BASE_CASE,
     DRAWN_ANEW,
-    DatedRock,
     SurvivalAnalysis,
     cases,
 )
@@ -84,13 +83,11 @@ def make(
     drawn = ensemble is not None and config.support == "tested"
     own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
     assert config.age is not None
-    seen = (observed if drawn else (), *(stage.observed for stage in beside.earlier))
-    *ended, ages = back_to(config.age, config.history, *seen).T
-    buried = [one.fragility(fits.folder) for one in beside.earlier]
-    rocks = [DatedRock(name, own, ages, tuple(zip(buried, ended, strict=True)))]
+    seen = observed if drawn else ()
+    rocks = [dated(fits.folder, name, own, config.age, config.history, seen, beside.earlier)]
     for other, given in zip(beside.rocks, config.rocks, strict=True):
-        (since,) = back_to(given.age, (), other.observed).T
-        rocks.append(DatedRock(other.name, other.fragility(fits.folder), since))
+        now, known = other.fragility(fits.folder), (other.history, other.observed, other.earlier)
+        rocks.append(dated(fits.folder, other.name, now, given.age, *known))
     compared = {}
     if ensemble is not None:  # beside which settings are compared
         compared[AS_SCANNED if drawn else AS_TESTED] = (
@@ -99,7 +96,7 @@ def make(
     for other in beside.compared:
         what = f"{AS_SCANNED}, {other.name}" if drawn else other.name
         compared[what] = other.fragility(fits.folder)
-    used = (*(rock.fragility for rock in rocks), *buried, *compared.values())
+    used = [*(stage for rock in rocks for stage in rock.stages), *compared.values()]
     ratios = [one.ratios for one in used]
     assumed = of_hazard(config, model, curves.events, curves.disaggregated, ratios)
     minimum = config.minimum_survival_probability
@@ -111,6 +108,11 @@ def make(
     found = dataset(analysis, results, by_member, all_cases)
     facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves.about)
     facts["earthquakes"] = years_observed(observed) if drawn else 0
+    facts["history"] = [
+        {"rock": of, "name": Path(one.site).stem, "until": of_age(one.until), "age": one.until}
+        for of, stages in ((name, config.history), *((o.name, o.history) for o in beside.rocks))
+        for one in stages
+    ]
     facts["exclusion"] = of_earthquakes(excluded.data, minimum, own)
     files = {
         FILE: netcdf(described(found, work, "Hazard")),
@@ -196,10 +198,6 @@ def page(
         **_results(analysis, hazard, config),
         **_shaking(hazard, rock.tested),
         "rocks": _rocks(config, analysis),
-        "history": [
-            {"name": Path(one.site).stem, "until": of_age(one.until), "source": one.until.source}
-            for one in config.history
-        ],
     }
 
 

@@ -100,8 +100,14 @@ def survival_range(analysis: SurvivalAnalysis, others: Array) -> tuple[Array, Ar
     return others.min(axis=0), others.max(axis=0)
 
 
+MORE_THAN_ONE = 1.0 + 1e-9
+"""Least effective number of draws whose error is known."""
+
+
 def survival_error(analysis: SurvivalAnalysis, others: Array) -> Array:
-    """Standard error of survival for the number of draws, shape (branches,); none of fits.
+    """Standard error of survival for the number of draws, shape (branches,); 0 of fits.
+
+    NaN of one draw, which tells nothing of it.
 
     Of several rocks the one with the fewest counts: of it draws come again beside those of others.
     Draws that observations chose several times count by their effective number n, from n s^2 /
@@ -111,9 +117,11 @@ def survival_error(analysis: SurvivalAnalysis, others: Array) -> Array:
     ----------
     others : ndarray, shape (n, branches)
     """
-    number = min((rock.effective for rock in analysis.rocks if rock.drawn), default=0.0)
-    if number <= 1.0:
+    if not analysis.drawn:
         return np.zeros(len(analysis.curves))
+    number = min(rock.effective for rock in analysis.rocks if rock.drawn)
+    if number < MORE_THAN_ONE:
+        return np.full(len(analysis.curves), np.nan)
     return np.asarray(others.std(axis=0) / np.sqrt(number - 1.0))
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
-from pipeline.config.hazard_schema import Comparison, HazardConfig, HazardRock
+from pipeline.config.hazard_schema import Age, Comparison, HazardConfig, HazardRock, History
 from pipeline.config.layers import Origin, Site, load_site, one_by_one
 from pipeline.config.observation_schema import Observations
 from pipeline.config.paths import located, shown
@@ -17,8 +18,9 @@ from pipeline.stages.archive import shipped_equations
 from pipeline.stages.archive.archived_rock import answered
 from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.hazard.ground_shaking import check_peaks
-from pipeline.stages.hazard.rock_ages import check_earthquakes
+from pipeline.stages.hazard.rock_ages import back_to, check_earthquakes, check_stages
 from pipeline.stages.hazard.rock_fragility import RockFragility, of_fits, of_members, of_photograph
+from pipeline.stages.hazard.survival_analysis import DatedRock
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import graph, keys, site_folder
 from pipeline.workflow.stage import Input
@@ -31,17 +33,24 @@ class Other:
     Attributes
     ----------
     derived : str, folder of derived data relative to that of the site's own products
+    earlier : tuple of Other, stages in which a rock was exhumed, the latest first
     """
 
     name: str
     site: Site
     derived: str
     uncertain: bool = False
+    earlier: tuple[Other, ...] = ()
 
     @property
     def stage(self) -> str:
         """Stage that makes its fragility."""
         return "uncertainty" if self.uncertain else "fragility"
+
+    @property
+    def history(self) -> History:
+        """When its stages ended."""
+        return self.site.config.hazard.history
 
     @property
     def observed(self) -> Observations:
@@ -71,6 +80,8 @@ class Archived:
     name: str
     path: Path
     observed: Observations = ()
+    history: History = ()
+    earlier: tuple[Other, ...] = ()
 
     def fragility(self, own: Path) -> RockFragility:
         """What the equations say; nothing is beside the site's ``own`` products."""
@@ -100,8 +111,9 @@ class Others(Input):
     @property
     def made(self) -> tuple[Other, ...]:
         """Those with products of their own."""
-        rocks = (one for one in self.rocks if isinstance(one, Other))
-        return (*rocks, *self.compared, *self.earlier)
+        rocks = [one for one in self.rocks if isinstance(one, Other)]
+        stages = (stage for one in rocks for stage in one.earlier)
+        return (*rocks, *stages, *self.compared, *self.earlier)
 
 
 def find(hazard: HazardConfig, origin: Origin) -> Others:
@@ -111,10 +123,7 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
     if hazard.history:
         _check_request(origin, study, settings)
     drawn = hazard.support == "tested"
-    earlier = tuple(_of_site(one.site, origin, "hazard.history", drawn) for one in hazard.history)
-    times = pairwise((*(one.until for one in hazard.history), hazard.age))
-    for stage, (until, since) in zip(earlier, times, strict=True):
-        check_earthquakes(stage.site, since, " as it stood then", until)
+    earlier = _stages(hazard.history, hazard.age, origin, drawn)
     rocks = tuple(_other(rock, origin, drawn) for rock in hazard.rocks)
     named = [origin.name]
     for key, others in (("hazard.history", earlier), ("hazard.rocks", rocks)):
@@ -202,7 +211,16 @@ def _other(rock: HazardRock, origin: Origin, drawn: bool) -> Other | Archived:
         answered(path, name)
         return Archived(name, path)
     found = _of_site(name, origin, key, drawn)
-    check_earthquakes(found.site, rock.age)
+    check_stages(found.site, rock.age)
+    return replace(found, earlier=_stages(found.history, rock.age, found.site.origin, drawn))
+
+
+def _stages(history: History, age: Age | None, origin: Origin, drawn: bool) -> tuple[Other, ...]:
+    """A rock as it stood before, each time in the years of that stage."""
+    found = tuple(_of_site(one.site, origin, "hazard.history", drawn) for one in history)
+    times = pairwise((*(one.until for one in history), age))
+    for stage, (until, since) in zip(found, times, strict=True):
+        check_earthquakes(stage.site, since, " as it stood then", until)
     return found
 
 
@@ -224,3 +242,19 @@ def folder_of(name: str) -> str:
     'compared/friction_0.4'
     """
     return "compared/" + re.sub(r"[^A-Za-z0-9._-]", "_", name)
+
+
+def dated(
+    folder: Path,
+    name: str,
+    now: RockFragility,
+    age: Age,
+    history: History,
+    observed: Observations,
+    earlier: Sequence[Other],
+) -> DatedRock:
+    """A rock with its stages, whose products lie where those in a folder say."""
+    seen = (observed, *(stage.observed for stage in earlier))
+    *ended, ages = back_to(age, history, *seen).T
+    before = [stage.fragility(folder) for stage in earlier]
+    return DatedRock(name, now, ages, tuple(zip(before, ended, strict=True)))

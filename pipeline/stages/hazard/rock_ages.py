@@ -33,11 +33,17 @@ def refuse(site: Site) -> None:
     And motions of a table whose PGA is not that of the ground.
     """
     check_peaks(site)
-    hazard = site.config.hazard
-    if hazard.age and hazard.history:
-        _check_order(site)
-    now = hazard.history[0].until if hazard.history else hazard.age
-    check_earthquakes(site, now, " as it stands" if hazard.history else "")
+    check_stages(site, site.config.hazard.age)
+
+
+def check_stages(site: Site, age: Age | None) -> None:
+    """The same of a rock of an age, whose stages its own file names."""
+    history = site.config.hazard.history
+    if age and history:
+        _check_order(site, age)
+    check_earthquakes(
+        site, history[0].until if history else age, " as it stands" if history else ""
+    )
 
 
 def check_earthquakes(
@@ -64,8 +70,8 @@ def check_earthquakes(
         raise InputError(*problems)
 
 
-def _check_order(site: Site) -> None:
-    times = _times(site.config.hazard.age, site.config.hazard.history)
+def _check_order(site: Site, age: Age) -> None:
+    times = _times(age, site.config.hazard.history)
     kept, drawn = len(in_order(times)), independent([*map(len, times)]).shape[1]
     if kept < LEAST_IN_ORDER * drawn:
         key, given = "hazard.history", f"stages in their order in {kept} of {drawn} draws"

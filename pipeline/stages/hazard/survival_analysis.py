@@ -70,8 +70,11 @@ class DatedRock:
 
     @property
     def effective(self) -> float:
-        """Effective number of its draws, some of which observations may have chosen repeatedly."""
-        return max(one.effective for one in self.stages)
+        """Effective number of its draws, some of which observations may have chosen repeatedly.
+
+        That of the stage with the fewest, as if what it does to survival were all there is.
+        """
+        return min((one.effective for one in self.stages if one.source == DRAWN), default=0.0)
 
     @property
     def drawn(self) -> bool:

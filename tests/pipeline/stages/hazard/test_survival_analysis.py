@@ -206,6 +206,27 @@ def test_draws_that_observations_chose_repeatedly_make_no_error_smaller() -> Non
     assert error[2] == pytest.approx(error[0] / math.sqrt(7.0))
 
 
+def test_a_stage_whose_draws_nothing_chose_hides_no_repeats() -> None:
+    """All is of the present stage: that before it lasted a day."""
+    own, before = ensemble([0.3, 0.6] * 4, seeds=[1, 2] * 4), ensemble([0.5] * 8)
+    age, until = np.array([1000.0]), np.array([1000.0 - 1.0 / 365.0])
+    error = []
+    for earlier in ((), ((before, until),)):
+        analysis = of_curves(model(1e-4), DatedRock("rock", own, age, earlier))
+        error.append(survival_error(analysis, analysis.survival_of_others()))
+    np.testing.assert_allclose(*error, rtol=1e-3)
+
+
+def test_one_draw_tells_nothing_of_the_error_and_fits_have_none() -> None:
+    one = of_curves(
+        model(1e-4), DatedRock("rock", ensemble([0.3] * 4, seeds=[7] * 4), np.array([1000.0]))
+    )
+    assert np.isnan(survival_error(one, one.survival_of_others())).all()
+    fits = replace(ensemble([0.3, 0.6]), source=FITTED)
+    fitted = of_curves(model(1e-4), DatedRock("rock", fits, np.array([1000.0])))
+    assert survival_error(fitted, fitted.survival_of_others()).tolist() == [0.0]
+
+
 def test_an_earlier_stage_has_its_draws_where_the_rock_has_none_now() -> None:
     """It has just come out of what let it stand for 1,000 years with 0.1 or with 0.8."""
     drawn, years = ensemble([0.3, 0.6], 2000), np.array([1000.0])
