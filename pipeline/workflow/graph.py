@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 from pipeline.config.layers import Site
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import aside, keys, pages, site_folder
+from pipeline.workflow.grammar import listed
 from pipeline.workflow.log import complain
 from pipeline.workflow.parameters import WORK, Asked, Made, Parts, Setting, Values, changes
 from pipeline.workflow.registry import (
@@ -82,12 +83,17 @@ def identity(
     ----------
     above : dict, keys of the products that it needs
     """
+    config = {key: values.plain(key) for key in sorted(settings_of(stage.make))}
+    return made_from(stage, config, _digests(inputs), above, inputs)
+
+
+def _digests(inputs: dict[str, Input | None]) -> dict[str, str]:
+    """Digests of what is read, by its name."""
     digests: dict[str, str] = {}
     for path, one in inputs.items():
         for name, digest in (one.digests() if one is not None else {}).items():
             digests[f"{name} ({path})" if name in digests else name] = digest
-    config = {key: values.plain(key) for key in sorted(settings_of(stage.make))}
-    return made_from(stage, config, digests, above, inputs)
+    return digests
 
 
 def made_from(
@@ -292,10 +298,22 @@ class _Making:
             raise InputError(
                 Problem(str(folder), "", given, rule, "give the same command again")
             ) from None
+        _check_unedited(own, job)
         if settles:
             site_folder.settle(job)
         keep(stage.name, own, product, job.store)
         return f"{stage.name}: {product.summary}"
+
+
+def _check_unedited(own: Identity, job: Job) -> None:
+    """Refuse what was made of files of which some are not those of its key any more."""
+    known = own.facts["inputs"]
+    edited = [name for name, digest in _digests(own.inputs).items() if known[name] != digest]
+    if edited:
+        given = f"{listed(edited)} edited while a command that reads it was at work"
+        rule = "files stay as they are until their command has ended"
+        remedy = "give the same command again"
+        raise InputError(Problem(job.site.file, "", given, rule, remedy))
 
 
 def work_of(stage: str, key: str, job: Job) -> Work:

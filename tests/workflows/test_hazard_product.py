@@ -1000,6 +1000,36 @@ def test_years_in_which_another_rock_was_seen_to_stand_are_no_part_of_its_age(
         assert back_to(hazard.rocks[0].age, (), other.observed) == [[years]]
 
 
+@pytest.mark.usefixtures("without_pictures")
+def test_a_stage_has_the_draws_of_the_rock(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+) -> None:
+    """A rock that was as it is has one survival, also where observations chose its draws.
+
+    But for PGA beyond the grid, where draws go on by the fits of their ensemble.
+    """
+    sure = "amplitude: {mean: 1, sd: 0}, azimuth: {mean: 0, sd: 0}"  # else drawn for each member
+    grid = GRID.replace("members: 0", f"members: 8, friction: [0.6, 0.6], {sure}")
+    grid = grid.replace("[0.05, 0.1, 0.2, 0.4]", "[0.1, 0.3]").replace("yaw: [0, 90]", "yaw: [0]")
+    tilt = "observations: [{kind: tilt, direction: 0, angle: 9, outcome: stood, sd: 0.5}]\n"
+    always = HAZARD.split(", compare")[0] + ", compare: []}\n"
+    stage = ", history: [{site: before.yaml, until: {kind: normal, mean: 1200}}]}\n"
+    sites = [
+        write_site(BOX + grid + tilt + text, name=name)
+        for name, text in (("always", always), ("rock", always.replace("}\n", stage)))
+    ]
+    write_site(BOX + grid, name="before")
+    assert vsr("run", "hazard", "--site", sites[0], "--workers", 0).code == 0
+    ran = vsr("run", "hazard", "--site", sites[1], "--workers", 0)
+    assert ran.code == 2
+    number = int(re.search(r"before.*set uncertainty.members: (\d+) there", ran.err)[1])  # type: ignore[index]
+    write_site(BOX + grid.replace("members: 8", f"members: {number}"), name="before")
+    assert vsr("run", "hazard", "--site", sites[1], "--workers", 0).code == 0
+    one, both = (read(derived / name / "hazard.nc") for name in ("always", "rock"))
+    np.testing.assert_allclose(both["survival"], one["survival"], rtol=0.02)
+
+
+@pytest.mark.usefixtures("without_pictures")
 def test_another_rock_has_the_stages_of_its_own_file(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:

@@ -18,6 +18,9 @@ from vsr_core.arrays import Array
 SEED = 7
 """Of the sequence of draws."""
 
+FIRST_SEED = 1000 * SEED
+"""Of the first draw's own chance; that of each further one is the next number."""
+
 
 @dataclass(frozen=True)
 class Priors:
@@ -90,7 +93,7 @@ def draws(priors: Priors, count: int) -> list[Member]:
     points, insets = _sequence(9, count), _sequence(11, count)[:, 10]
     return [
         replace(
-            _member(priors, u, z, error=priors.error, seed=1000 * SEED + number),
+            _member(priors, u, z, error=priors.error, seed=FIRST_SEED + number),
             inset=_within(priors.inset, inset),
         )
         for number, (u, z, inset) in enumerate(zip(points, norm.ppf(points), insets, strict=True))

@@ -22,6 +22,7 @@ from pipeline.stages.hazard.hazard_model import (
     model,
 )
 from pipeline.workflow.grammar import counted
+from pipeline.workflow.keys import digest_file
 from vsr_core.arrays import Array, Indices
 from vsr_core.hazard.events import Events, Ruptures, distance_of
 
@@ -55,12 +56,11 @@ def load(path: Path, years: float | None) -> EventSet:
     ----------
     years : effective time of each realization, where no file has it [year]
     """
-    stamps = tuple((one, one.stat().st_mtime_ns, one.stat().st_size) for one in files(path))
-    return _loaded(path, stamps, years)
+    return _loaded(path, tuple(map(digest_file, files(path))), years)
 
 
 @lru_cache(maxsize=1)
-def _loaded(path: Path, stamps: object, given: float | None) -> EventSet:
+def _loaded(path: Path, digests: object, given: float | None) -> EventSet:
     """The same, once for all that ask for it in a process."""
     in_file = path.is_file() and path.suffix in openquake.SUFFIXES
     told = event_calculation.tables(path) if in_file else event_tables.of_folder(path)

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.config.hazard_schema import Age, Comparison, HazardConfig, HazardRock, History
 from pipeline.config.layers import Origin, Site, load_site, one_by_one
 from pipeline.config.observation_schema import Observations
@@ -19,10 +21,17 @@ from pipeline.stages.archive.archived_rock import answered
 from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.hazard.ground_shaking import check_peaks
 from pipeline.stages.hazard.rock_ages import back_to, check_earthquakes, check_stages
-from pipeline.stages.hazard.rock_fragility import RockFragility, of_fits, of_members, of_photograph
+from pipeline.stages.hazard.rock_fragility import (
+    DRAWN,
+    RockFragility,
+    of_fits,
+    of_members,
+    of_photograph,
+)
 from pipeline.stages.hazard.survival_analysis import DatedRock
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import graph, keys, site_folder
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Input
 
 
@@ -257,4 +266,14 @@ def dated(
     seen = (observed, *(stage.observed for stage in earlier))
     *ended, ages = back_to(age, history, *seen).T
     before = [stage.fragility(folder) for stage in earlier]
-    return DatedRock(name, now, ages, tuple(zip(before, ended, strict=True)))
+    rock = DatedRock(name, now, ages, tuple(zip(before, ended, strict=True)))
+    for stage, fragility in zip(earlier, before, strict=True):
+        lost = np.setdiff1d(rock.numbers, fragility.numbers)
+        if fragility.source == DRAWN and len(lost):
+            key, rule = "uncertainty.members", "what is unknown of a rock stays through its stages"
+            given = f"{counted(len(lost), 'draw')} of {name} that {stage.name} has not"
+            number = max(rock.numbers) + 1
+            remedy = f"set uncertainty.members: {number} there, without observations, "
+            remedy += "or hazard.support: scan for the rock"
+            raise InputError(Problem(stage.site.file_of(key), key, given, rule, remedy))
+    return rock

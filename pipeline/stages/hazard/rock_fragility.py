@@ -15,8 +15,9 @@ from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, Answered
 from pipeline.stages.fragility.summary import SEARCHED, Fits
 from pipeline.workflow.datasets import rows_of
 from vsr_core.archive.equations import HIGHEST
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Indices
 from vsr_core.hazard.toppling import RowFragility, continued_rows, lognormal_rows
+from vsr_core.validation.priors import FIRST_SEED
 
 FITTED, DRAWN = "fits", "members"
 """Origin of the range of a survival probability: intervals of fits, or members of an ensemble."""
@@ -39,7 +40,8 @@ class RockFragility:
     others_by_yaw : dict, from the direction [degree] to those of each member
     tested : tuple of float [g], least and largest PGA that was tried
     records : bool, whether the rows are recorded motions, not pulses
-    repeats : float, how often a draw is among the others, where observations chose them
+    numbers : ndarray of int, shape (others,), of the draws among all that may be drawn, which
+        observations may have chosen repeatedly; none of fits
     """
 
     ratios: Array
@@ -51,12 +53,20 @@ class RockFragility:
     frictions: tuple[float, ...]
     records: bool
     others_by_yaw: dict[float, tuple[RowFragility, ...]] = field(default_factory=dict)
-    repeats: float = 1.0
+    numbers: Indices = field(default_factory=lambda: np.array([], np.int64))
 
     @property
     def effective(self) -> float:
-        """Effective number of draws of the rock, 0 where there are none."""
-        return len(self.others) / self.repeats if self.source == DRAWN else 0.0
+        """Effective number of draws of the rock, 0 where there are none (Kish 1965)."""
+        counts = np.unique(self.numbers, return_counts=True)[1]
+        return float(counts.sum() ** 2 / max(np.square(counts).sum(), 1))
+
+    def places(self, numbers: Indices) -> Indices:
+        """Where draws of some numbers are among the others; of fits, their ends."""
+        if self.source == FITTED or numbers is self.numbers:
+            return np.arange(len(numbers))
+        order = np.argsort(self.numbers, kind="stable")
+        return order[np.searchsorted(self.numbers, numbers, sorter=order)]
 
     def towards(self, yaw: float) -> RockFragility:
         """The same in one direction [degree] alone, where that is known; 270 is -90."""
@@ -145,7 +155,6 @@ def of_members(data: xr.Dataset) -> RockFragility:
 
     every, yaws = slice(None), [(float(yaw), i) for i, yaw in enumerate(data["yaw"].values)]
     members = list(zip(overturned, edges, strict=True))
-    counts = np.unique(data["drawn_seed"].values, return_counts=True)[1]
     found = RockFragility(
         data[ratio].values,
         lognormal_rows(theta, beta),
@@ -159,7 +168,7 @@ def of_members(data: xr.Dataset) -> RockFragility:
             yaw: tuple(rows_with(cells[[i]], edge[[i]], slice(i, i + 1)) for cells, edge in members)
             for yaw, i in yaws
         },
-        float(np.square(counts).sum() / counts.sum()),
+        data["drawn_seed"].values - FIRST_SEED,
     )
     return found.one_row_each()
 
@@ -181,6 +190,7 @@ def of_photograph(rock: Answered) -> RockFragility:
         others_by_yaw={
             yaw: tuple(lognormal_rows(one[[i]], sharp[[i]]) for one in draws) for i, yaw in sides
         },
+        numbers=np.arange(len(draws)),
     )
 
 

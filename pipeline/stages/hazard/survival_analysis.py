@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.stages.hazard.hazard_model import HazardModel
 from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility
-from vsr_core.arrays import Array, Mask
+from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.hazard.curve import HazardCurve, mean_curve, posterior_weights
 from vsr_core.hazard.shaking import EventShaking, Shaking
 from vsr_core.hazard.survival import Rates, Spell, Stage, Standing, spells, survival_of
@@ -64,9 +64,9 @@ class DatedRock:
         return (self.fragility, *(one for one, _ in self.earlier))
 
     @property
-    def draws(self) -> int:
-        """Number of its draws, of which one is the rock; 0 where there are none in any stage."""
-        return max(len(one.others) if one.source == DRAWN else 0 for one in self.stages)
+    def numbers(self) -> Indices:
+        """Of its draws, of which one is the rock; none where no stage has any."""
+        return next((one.numbers for one in self.stages if one.source == DRAWN), np.array([], int))
 
     @property
     def effective(self) -> float:
@@ -79,7 +79,7 @@ class DatedRock:
     @property
     def drawn(self) -> bool:
         """Whether it has draws."""
-        return self.draws > 0
+        return len(self.numbers) > 0
 
     def aged(self, age: Array) -> DatedRock:
         """The same at one age, shape (1,); of its stages the draws that had ended since."""
@@ -169,17 +169,18 @@ class SurvivalAnalysis:
         if self.drawn and not rock.drawn:
             return [standing]
         kind = DRAWN if rock.drawn else FITTED
-        found = []
-        for i in range(rock.draws or len(rock.fragility.others)):
-            now, *earlier = (
-                self.shaking.fragility(one.others[i % len(one.others)], one.ratios)
-                if one.source == kind
-                else mean
-                for one, mean in zip(rock.stages, standing.fragilities, strict=True)
-            )
-            until = [one for _, one in rock.earlier]
-            found.append(Standing(now, rock.ages, tuple(map(Stage, earlier, until))))
-        return found
+        numbers = rock.numbers if rock.drawn else np.arange(len(rock.fragility.others))
+        each = [
+            [self.shaking.fragility(one.others[i], one.ratios) for i in one.places(numbers)]
+            if one.source == kind
+            else [mean] * len(numbers)
+            for one, mean in zip(rock.stages, standing.fragilities, strict=True)
+        ]
+        until = [one for _, one in rock.earlier]
+        return [
+            Standing(now, rock.ages, tuple(map(Stage, earlier, until)))
+            for now, *earlier in zip(*each, strict=True)
+        ]
 
     @property
     def drawn(self) -> bool:

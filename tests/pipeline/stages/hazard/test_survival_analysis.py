@@ -227,6 +227,17 @@ def test_one_draw_tells_nothing_of_the_error_and_fits_have_none() -> None:
     assert survival_error(fitted, fitted.survival_of_others()).tolist() == [0.0]
 
 
+def test_draws_that_observations_chose_go_back_into_the_same_draws() -> None:
+    """Draws 3, 1 and 3 of four, in stages that differ in nothing, survive as in one stage."""
+    of_all = [0.3, 0.45, 0.6, 0.9]
+    chosen = ensemble([of_all[i] for i in (3, 1, 3)], 2000, [3, 1, 3])
+    before, age = ensemble(of_all, 2000, range(4)), np.array([4000.0])
+    stages = ((before, np.array([1000.0])),)
+    found = of_curves(model(1e-4), DatedRock("rock", chosen, age, stages)).results().survival
+    exact = np.mean([math.exp(-1e-4 * of_all[i] ** -SLOPE * 4000.0) for i in (3, 1, 3)])
+    assert found[0] == pytest.approx(exact, rel=0.01)
+
+
 def test_an_earlier_stage_has_its_draws_where_the_rock_has_none_now() -> None:
     """It has just come out of what let it stand for 1,000 years with 0.1 or with 0.8."""
     drawn, years = ensemble([0.3, 0.6], 2000), np.array([1000.0])
