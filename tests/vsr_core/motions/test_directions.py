@@ -82,18 +82,37 @@ def at2(channel: str, place: int = 1) -> Record:
 
 
 @pytest.mark.parametrize(
-    "name", ["V", "ABBAR--V", "U", "UP", "-UP", "U-D", "VRT", "VERT1", "DWN", "UPDO"]
+    "name",
+    ["V", "ABBAR--V", "U", "UP", "-UP", "U-D", "VRT", "VERT1", "DWN", "UPDO", "G02-UP", "U/D"],
 )
 def test_vertical_components_of_peer_are_not_horizontal(name: str) -> None:
     assert "which is vertical" in refusal(x=at2(name))
     assert "which is vertical" in refusal(x=at2("000"), y=at2(name, 2))
 
 
+def column(name: str, place: int = 1) -> Record:
+    return Record(wave(place), STEP, (name,), "", "", "g")
+
+
 def test_columns_u_and_v_may_be_horizontal() -> None:
-    for name in ("u", "v", "V", "acc_x", "vel", "up-stream", "x (up)", "along-dip down"):
-        check_together({"x": Record(wave(1), STEP, (name,), "", "", "g")})
-    for name in ("z [m/s2]", "acc_z", "acceleration_UD", "vert acc", "up (1)", "a (Z)", "accz"):
-        assert "which is vertical" in refusal(x=Record(wave(1), STEP, (name,), "", "", "g"))
+    level = "u,v,V,acc_x,vel,up-stream,x (up),along-dip down,GBZ_180,GBZ 000,H1 (Az 90),acc_ver2"
+    for name in level.split(","):
+        check_together({"x": column(name)})
+    for name in (
+        *("z [m/s2]", "acc_z", "acceleration_UD", "vert acc", "up (1)", "a (Z)", "accz", "acc_up"),
+        *("acc up", "a_down", "Up-Down", "UP/DOWN", "up_down (g)", "accelerationZ", "hnz", "az"),
+    ):
+        assert "which is vertical" in refusal(x=column(name))
+
+
+def test_names_that_are_parted_say_where_they_point() -> None:
+    assert "exchange x and y" in refusal(x=column("N-S"), y=column("E-W", 2))
+    check_together({"x": column("E-W [g]"), "y": column("N/S", 2)})
+    level = {"x": column("E-W"), "y": column("N-S", 2)}
+    for name in ("down (3)", "a_down", "DWN (ERD)", "G02-DWN"):
+        assert "which points down" in refusal(**level, z=column(name, 3))
+    for name in ("Up-Down", "U/D", "acc_up"):
+        check_together({**level, "z": column(name, 3)})
 
 
 def test_a_sensor_among_others_in_its_direction_points_there() -> None:

@@ -10,18 +10,25 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Direction, Record
 
 _VERTICAL = re.compile(
-    r"(?i:(?:UP(?:DO(?:WN)?|WARDS?)?|DOWN|DN|DWN|VER|VE?RTC?|VERTI[CK]ALE?|U-?D|A?(?:CC)?Z)\d?)"
-    r"|[A-Z]{2}Z\d?"
+    "UP(DO(WN)?|WARDS?)|VER|(VE?RTC?|VERTI[CK]ALE?|UD|[A-HLMO-VX][GHLN]Z|(ACC(EL(ERATION)?)?)?Z)[0-9]?",
+    re.IGNORECASE,
 )
 """Names of vertical channels: of networks' files, SEED's codes, and of columns."""
 
-_WAYS = re.compile(r"(?i:UP|DOWN|DN|DWN)")
-"""Those that are no vertical as a word beside others: any axis may have a way up."""
+_UP, _DOWN = (re.compile(f"({words})[0-9]?", re.IGNORECASE) for words in ("UP", "DOWN|DN|DWN"))
+
+_LEVEL = re.compile(
+    "[XYNESWRT]|NS|EW|NORTH|SOUTH|EAST|WEST|ALONG|ACROSS|RADIAL|TRANSVERSE|LONGITUDINAL|LATERAL"
+    "|DIP|STRIKE|FAULT|SLOPE|HILL|STREAM|RIVER|VALLEY|CANYON",
+    re.IGNORECASE,
+)
+"""Words beside which up and down are a way along a horizontal axis."""
 
 _AFTER = re.compile(r"\s*[(\[][^(\[]*[)\]]$")
 """A unit after a name, or the number of a sensor among others in its direction."""
 
-_DOWN = re.compile(r"(?i:DOWN|DN|DWN)")
+_BETWEEN = re.compile(r"(?<=[^\W\d_])[-/_ ](?=[^\W\d_])|^[-_ ]+|[-_ ]+$")
+"""What parts the letters of a name: N-S, U/D, Up_Down."""
 
 _SIDE = re.compile("(?:[A-Z]{2})?([EN])|(?=EW|NS)([EN])[WS][12]?|([WS])")
 """Names of channels to a side: SEED's, those of K-NET and KiK-net, and W and S alone."""
@@ -76,7 +83,7 @@ def check_directions(components: Mapping[str, Record]) -> None:
     dip = told["z"].dip if "z" in told else -90.0
     if "z" in known or abs(dip) < _STEEP:
         raise InvalidInput(f"{names['z']} as z", "z is the vertical component", remedy)
-    if _DOWN.fullmatch(names.get("z", "")) or dip >= _STEEP:
+    if _points_down(names.get("z", "")) or dip >= _STEEP:
         rule, remedy = "z points up", "change the sign of its samples"
         raise InvalidInput(f"{names['z']} as z, which points down", rule, remedy)
     known = _azimuths_told(told) or known
@@ -94,11 +101,41 @@ def _name(record: Record) -> str:
 def _is_vertical(name: str) -> bool:
     """Whether a channel is vertical by its name.
 
-    >>> [_is_vertical(name) for name in ("UD2", "-UP", "up (1)", "acc_z", "V", "x (up)", "up-dip")]
-    [True, True, True, True, False, False, False]
+    >>> [_is_vertical(name) for name in ("UD2", "-UP", "up (1)", "acc_z", "hnz", "U/D", "G02-UP")]
+    [True, True, True, True, True, True, True]
+    >>> [_is_vertical(name) for name in ("V", "x (up)", "up-dip", "GBZ_180", "H1 (Az 90)")]
+    [False, False, False, False, False]
     """
-    words = [word for word in re.findall(r"[^\W_]+", name) if not _WAYS.fullmatch(word)]
-    return any(map(_VERTICAL.fullmatch, (_AFTER.sub("", name).strip(" -+._"), *words)))
+    whole, words = _plain(name), _words(name)
+    if any(map(_VERTICAL.fullmatch, (whole, *words))):
+        return True
+    ways = [word for word in words if _UP.fullmatch(word) or _DOWN.fullmatch(word)]
+    if "AZ" in map(str.upper, words):  # the acceleration along z, or an azimuth of so much
+        return not any(map(str.isdecimal, words))
+    return bool(ways) and not any(map(_LEVEL.fullmatch, words))
+
+
+def _points_down(name: str) -> bool:
+    """Whether a vertical channel is positive downwards by its name.
+
+    >>> [_points_down(name) for name in ("down (3)", "DWN (ERD)", "a_down", "Up-Down", "UD")]
+    [True, True, True, False, False]
+    """
+    words = _words(name)
+    return any(map(_DOWN.fullmatch, words)) and not any(map(_UP.fullmatch, words))
+
+
+def _plain(name: str) -> str:
+    """A name without its unit and what parts its letters.
+
+    >>> _plain("U/D [g]"), _plain("-UP"), _plain("047")
+    ('UD', 'UP', '047')
+    """
+    return _BETWEEN.sub("", _AFTER.sub("", name))
+
+
+def _words(name: str) -> list[str]:
+    return re.findall(r"[^\W_]+", name)
 
 
 def _told(components: Mapping[str, Record]) -> dict[str, Direction]:
@@ -163,10 +200,10 @@ def _azimuth(channel: str, *, numbered: bool = False) -> int | None:
     ----------
     numbered : whether a number of less than three digits is none of degrees, as of a table's column
 
-    >>> [_azimuth(name) for name in ("047", "E [g]", "NS2", "90 (2)", "H1", "2", "DWN", "401")]
+    >>> [_azimuth(name) for name in ("047", "E [g]", "N-S", "90 (2)", "H1", "2", "DWN", "401")]
     [47, 90, 0, 90, None, None, None, None]
     """
-    channel = _AFTER.sub("", channel)
+    channel = _plain(channel)
     if channel in ("1", "2", "3"):
         return None
     if channel.isdecimal():
