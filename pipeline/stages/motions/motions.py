@@ -13,7 +13,7 @@ from pipeline.config import in_si
 from pipeline.config.motion_schema import MotionConfig, PulseGrid, TableMotionConfig
 from pipeline.stages.motions import table_motions
 from pipeline.stages.motions.motion_grid import SHAPES, MotionData, MotionFiles
-from pipeline.stages.motions.record_inputs import Ready
+from pipeline.stages.motions.record_inputs import Ready, unread
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Product, Work
@@ -55,6 +55,8 @@ def make(work: Work, motion: MotionConfig, files: MotionFiles | None) -> Product
             dataset[name].attrs["comment"] = "of an axis with pga_ratio 1 and the grid's PGV/PGA"
     else:
         assert files is not None
+        for line in unread(work.origin, motion.files or ()):
+            work.log(f"motions: {line}")
         if files.tables is not None:
             dataset, summary = table_motions.dataset(files.tables, motion.pga)
         else:

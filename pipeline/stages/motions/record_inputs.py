@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
@@ -17,6 +17,7 @@ from pipeline.config.motion_schema import RecordConfig
 from pipeline.config.outside import check_regular, content, held
 from pipeline.config.paths import is_text, located, shown
 from pipeline.config.problems import InputError, Problem, not_found
+from pipeline.workflow.grammar import listed
 from pipeline.workflow.keys import digest_file
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records import formats
@@ -28,6 +29,11 @@ from vsr_core.motions.records.record import Record, check_rest, repaired
 from vsr_core.motions.records.trace import Measures, Trace, measures
 
 Loaded = TypeVar("Loaded")
+
+_BESIDE = (".md", ".xml", ".yaml", ".json")
+"""Endings of files that lie beside records."""
+
+_NAMED = 5
 
 _FILES, _RESPONSE = "motion.files", "motion.response.file"
 
@@ -73,6 +79,20 @@ def find(origin: Origin, files: tuple[str, ...]) -> list[Path]:
     each(origin.file_of(_FILES), _FILES, found, check_file)
     refuse_twice(origin.file_of(_FILES), _FILES, [path.stem for path in found])
     return found
+
+
+def unread(origin: Origin, files: tuple[str, ...]) -> Iterator[str]:
+    """What the folders named as ``motion.files`` hold beside records, in words."""
+    for name in files:
+        path = located(origin.folder_of(_FILES), name, origin.file_of(_FILES), _FILES)
+        others = [
+            one.name
+            for one in sorted(path.glob("[!.]*"))
+            if one.is_dir() or one.suffix.lower() not in (*SUFFIXES, *_BESIDE)
+        ]
+        if others:
+            some = listed([*others[:_NAMED], *["others"] * (len(others) > _NAMED)])
+            yield f"of {shown(path)} not read: {some}; records end in {' '.join(SUFFIXES)}"
 
 
 def refuse_twice(file: str, key: str, names: list[str]) -> None:

@@ -699,7 +699,28 @@ def test_resampling_is_band_limited() -> None:
     written, step = processing.resampled(tone, 0.0039063, 100.0)  # of 256 samples a second
     assert step == pytest.approx(0.0039063 * 64 / 25, rel=1e-12)
     assert len(written) == math.ceil(len(tone) * 25 / 64)
+    for interval, rate, down, up in (
+        (0.0039063, 50.0, 128, 25),
+        (0.0009766, 100.0, 256, 25),
+        (0.0048828, 100.0, 256, 125),
+        (0.0166667, 50.0, 6, 5),
+        (0.03, 100.0, 1, 3),
+    ):
+        _, step = processing.resampled(tone, interval, rate)
+        assert step == pytest.approx(interval * down / up, rel=1e-12)
     refusal(lambda: processing.resampled(tone, 0.005, 200.0 / math.pi), "ratio", "resample")
+
+
+def test_an_offset_is_no_shaking() -> None:
+    """The paper's order takes none off: its ends would shake the table."""
+    wave = np.zeros(6000)
+    wave[2000:2400] = 0.2 * np.sin(2.0 * np.pi * np.arange(400) * 0.01)
+    of = {order: Processing(order, highpass=0.1, lowpass=25.0) for order in ("paper", "standard")}
+    for order in of:
+        assert np.abs(process(wave + 1e-4, 0.01, of[order]).velocity).max() > 0.02
+    refusal(lambda: process(wave + 0.3, 0.01, of["paper"]), "offset of 60 %", "order: standard")
+    plain, moved = (process(one, 0.01, of["standard"]) for one in (wave, wave + 0.3))
+    np.testing.assert_allclose(moved.velocity, plain.velocity, atol=1e-12)
 
 
 def test_corners_out_of_reach_are_refused() -> None:

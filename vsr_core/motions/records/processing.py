@@ -24,6 +24,7 @@ Ancheta, T. D. et al. (2014), NGA-West2 database, Earthquake Spectra 30(3), 989-
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 import scipy
@@ -42,6 +43,9 @@ HIGHEST = 0.9
 PADS = 1.5
 """Length of the zeros at both ends together, in units of poles over the high-pass corner (Converse
 & Brady 1992)."""
+
+MOST_OF_OFFSET = 0.05
+"""Share of PGV that the ends of a record's offset may have."""
 
 FEWEST = 16
 """Samples that a record has at least."""
@@ -89,6 +93,28 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
         return Trace(acceleration, interval)
     if how.order == "standard":
         acceleration = scipy.signal.detrend(acceleration, type="linear")
+    passed = _passed(acceleration, interval, how)
+    if how.order == "standard":
+        return Trace(with_level_baseline(passed, interval), interval)
+    if how.highpass is not None:
+        _check_offset(acceleration, interval, how, passed)
+    return Trace(passed, interval)
+
+
+def _check_offset(acceleration: Array, interval: float, how: Processing, passed: Array) -> None:
+    offset = float(acceleration.mean())
+    of_offset = _passed(np.full_like(acceleration, offset), interval, how)
+    own, whole = (float(np.abs(Trace(one, interval).velocity).max()) for one in (of_offset, passed))
+    if own > MOST_OF_OFFSET * whole:
+        share = abs(offset) / float(np.abs(acceleration).max())
+        given = f"an offset of {100.0 * share:.2g} % of its largest acceleration"
+        rule = f"order {how.order} takes none off, and where it begins and ends it would count as "
+        rule += f"shaking of {100.0 * own / whole:.0f} % of PGV"
+        raise InvalidInput(given, rule, "set motion.processing.order: standard")
+
+
+def _passed(acceleration: Array, interval: float, how: Processing) -> Array:
+    """What the filters leave, between zeros."""
     if how.highpass is not None:
         pads = pad_length(how, interval)
         check_sampling(interval, len(acceleration) + 2 * pads)
@@ -96,9 +122,7 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
     for kind, corner in (("lowpass", how.lowpass), ("highpass", how.highpass)):
         if corner is not None:
             acceleration = filtered(acceleration, interval, kind, corner, how.poles)
-    if how.order == "standard":
-        acceleration = with_level_baseline(acceleration, interval)
-    return Trace(acceleration, interval)
+    return acceleration
 
 
 def pad_length(how: Processing, interval: float) -> int:
@@ -163,9 +187,11 @@ def with_level_baseline(acceleration: Array, interval: float) -> Array:
     return level
 
 
-_WRITTEN = 2e-5
-"""Share by which a new rate of a simple ratio may differ from what is asked for, as time steps are
-written rounded: .0039063 s of 1/256."""
+_WRITTEN = 6e-5
+"""Share by which time steps are written off a rate in tenths, rounded: .0009766 s of 1/1024."""
+
+_LARGEST_PART = 1000
+"""Of the ratio of two rates, of whole numbers."""
 
 
 def resampled(values: Array, interval: float, rate: float) -> tuple[Array, float]:
@@ -187,19 +213,12 @@ def resampled(values: Array, interval: float, rate: float) -> tuple[Array, float
     InvalidInput
         If the two rates have no simple ratio.
     """
-    wanted = rate * interval
-    up, down = next(
-        (
-            (round(wanted * parts), parts)
-            for parts in range(1, 1001)
-            if abs(round(wanted * parts) / parts - wanted)
-            < (_WRITTEN if parts <= 100 else 1e-9) * wanted
-        ),
-        (0, 1),
-    )
-    if up == 0:
+    told = round(10.0 / interval) / 10.0
+    wanted = rate / told if abs(told * interval - 1.0) < _WRITTEN else rate * interval
+    up, down = Fraction(wanted).limit_denominator(_LARGEST_PART).as_integer_ratio()
+    if abs(up / down - wanted) > 1e-9 * wanted:
         given = f"a rate of {rate:g} for a record of {1.0 / interval:.6g} samples a second"
-        rule = "the two have a ratio of whole numbers up to 1000"
+        rule = f"the two have a ratio of whole numbers, the second up to {_LARGEST_PART}"
         raise InvalidInput(given, rule, "choose such a motion.processing.resample")
     new: Array = scipy.signal.resample_poly(values, up, down, padtype="line")
     return new, interval * down / up

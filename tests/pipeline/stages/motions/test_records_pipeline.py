@@ -274,6 +274,23 @@ def test_repairs_are_told(tmp_path: Path) -> None:
     assert "bridged by a straight line" in text
 
 
+def test_files_of_a_folder_that_are_no_records_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / "mine"
+    (mine / "more").mkdir(parents=True)
+    for name in ("p.csv", "q.CSV.gz", "r.V2C", "about.md", ".hidden"):
+        (mine / name).write_text(pulse_record(0.3))
+    assert run(tmp_path, site(tmp_path, f"files: mine, {NONE}, pga: [0.2]"), "motions") == cli.DONE
+    said = capsys.readouterr().out
+    assert "mine not read: more, q.CSV.gz and r.V2C; records end in .at2" in said
+    (mine / "more").rmdir()
+    for name in ("q.CSV.gz", "r.V2C"):
+        (mine / name).unlink()
+    assert run(tmp_path, site(tmp_path, f"files: mine, {NONE}, pga: [0.3]"), "motions") == cli.DONE
+    assert "not read" not in capsys.readouterr().out
+
+
 BAND = "processing: {order: standard, highpass: 1.0, lowpass: 25}"
 PATHS = "motion.files"
 BAD = {
