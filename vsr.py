@@ -25,8 +25,10 @@ from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError as InputError
 from pipeline.config.problems import Problem
 from pipeline.config.yaml_text import in_yaml
-from pipeline.workflow import output
+from pipeline.workflow import graph, output
 from pipeline.workflow.command_line import parsed
+from pipeline.workflow.jobs import job_of
+from pipeline.workflow.stage import Job
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -121,20 +123,27 @@ def run(
         raise InputError(Problem("vsr.run", "site", f"{site!r:.60}", rule, remedy))
     file: Callable[[], str | os.PathLike[str]]
     if isinstance(site, Mapping):
-        file = partial(_written, folder, name, _plain(site))
+        file = partial(_written, folder.absolute(), name, _plain(site))
     else:
         file = partial(os.fspath, site)
     given = "--table" if product == "validation" else "--site"
     with _ONE_AT_A_TIME:
-        words = [given, os.fspath(file()), "--derived", str(folder), *settings]
+        words = [given, os.fspath(file()), *settings]
         words += ["--study", os.fspath(study)] if study else []
         words += [] if workers is None else ["--workers", str(workers)]
-        job, _ = commands.made(parsed(["run", product, *words]))
+        job, _ = commands.made(parsed(["run", product, *words, "--derived", str(folder)]))
         study_of_sweep = job.store.folder / "study.nc"
         own = job.store.folder / f"{'fragility' if product == 'report' else product}.nc"
         made = study_of_sweep if study_of_sweep.exists() else own
-        in_notebook.MADE[made.resolve()] = partial(_replayed, file, words)
+        words += ["--derived", str(folder.absolute())]
+        if product != "validation":
+            in_notebook.MADE[made.resolve()] = partial(_replayed, file, words, _runs_of(job))
         return xarray.load_dataset(made)
+
+
+def _runs_of(job: Job) -> str:
+    """Key of the runs that some settings and files stand for."""
+    return graph.identities("runs", job.site, to_make=False)["runs"].key
 
 
 def _written(folder: Path, name: str, site: Settings) -> Path:
@@ -166,12 +175,17 @@ def _is_of_content(path: Path) -> bool:
         return False
 
 
-def _replayed(file: Callable[[], object], words: list[str], **coordinates: Any) -> Path:
+def _replayed(file: Callable[[], object], words: list[str], runs: str, **coordinates: Any) -> Path:
     """Page that replays a run of what was made of a file with some words of the command line."""
     at = (f"--{name.replace('_', '-')}={value}" for name, value in coordinates.items())
     with _ONE_AT_A_TIME:
         file()  # which may have the content of another site by now
-        return commands.replayed(parsed(["replay", *words, *at]))
+        options = parsed(["replay", *words, *at])
+        if _runs_of(job_of(options)) != runs:
+            given = "other files or settings than those of this dataset, or another working folder"
+            rule, remedy = "a run is replayed as it was in its dataset", "make the dataset again"
+            raise InputError(Problem("vsr.replay", words[1], given, rule, remedy))
+        return commands.replayed(options)
 
 
 def _plain(value: Any) -> Any:

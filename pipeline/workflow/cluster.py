@@ -20,7 +20,7 @@ from typing import Any
 from pipeline.config.outside import check_regular
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.dispatch import Dispatch
-from pipeline.workflow.outside_settings import MEND_DASK, unread
+from pipeline.workflow.outside_settings import MEND_DASK, dask_is_set, unread
 from pipeline.workflow.workers import BATCHES_IN_FLIGHT, Batch, Done
 from vsr_core.errors import InvalidInput
 
@@ -109,9 +109,13 @@ def _seconds(walltime: str) -> float:
 
 _LOCAL = {
     "distributed.scheduler.allowed-failures": 0,
+    "distributed.scheduler.idle-timeout": None,
+    "distributed.scheduler.blocked-handlers": [],
+    "distributed.scheduler.pickle": True,
+    "distributed.worker.lifetime.duration": None,
     "distributed.worker.preload": ["pipeline.workflow.workers"],
 }
-"""Dask's settings of workers of this machine."""
+"""Dask's settings of workers of this machine, whatever others say."""
 
 LOGS = "distributed", "distributed.client", "asyncio", "tornado.application"
 """Logs that are silenced: what matters of them is said in a line here."""
@@ -232,8 +236,13 @@ class Cluster:
                 upkeep, address = jobs.renew, jobs.cluster
             else:
                 address = self.scheduler
-            client = stack.enter_context(_connected(address, self.scheduler_file))
-            self.log(f"dashboard: the workers, in a browser at {client.dashboard_link}")
+            connected = _connected(address, self.scheduler_file)
+            try:
+                client = stack.enter_context(connected)
+                link = client.dashboard_link
+            except (KeyError, ImportError) as error:
+                raise unread("Dask", error, MEND_DASK) from None
+            self.log(f"dashboard: the workers, in a browser at {link}")
             yield client, upkeep
 
 
@@ -248,17 +257,24 @@ def _local_cluster(workers: int) -> Any:
                 dashboard_address="127.0.0.1:0",
                 silence_logs=50,
             )
-    except (*_OF_A_SETTING, RuntimeError) as error:
-        cause: BaseException | None = error
-        while cause is not None and not isinstance(cause, _OF_A_SETTING):
-            cause = cause.__cause__ or cause.__context__  # where a worker's nanny met it
-        if cause is None:
-            raise
-        raise unread("Dask", cause, MEND_DASK) from None
+    except Exception as error:  # noqa: BLE001 (whatever a setting brings up)
+        raise _of_a_setting(error) from None
+
+
+def _of_a_setting(error: Exception) -> Exception:
+    """What Dask meets when it first uses a setting that it cannot; else the same error."""
+    cause: BaseException = error
+    while not isinstance(cause, _OF_A_SETTING):
+        further = cause.__cause__ or cause.__context__  # where a worker's nanny met it
+        if further is None:
+            break
+        cause = further
+    if isinstance(cause, _OF_A_SETTING) or dask_is_set():
+        return unread("Dask", cause, MEND_DASK)
+    return error
 
 
 _OF_A_SETTING = ImportError, KeyError, TypeError, ValueError
-"""What Dask raises where it first uses a setting that it cannot."""
 
 
 def _renew(cluster: Any) -> None:
@@ -291,6 +307,8 @@ def _connected(address: Any, file: str | None) -> Iterator[Any]:
             get_backend(parse_address(address)[0])
         client = distributed.Client(address=address, scheduler_file=file, timeout=CONNECTING)
     except (OSError, ValueError) as error:
+        if not (file or isinstance(address, str)):  # our own workers
+            raise _of_a_setting(error) from None
         given, rule = f"{address or file} ({error})", "a Dask scheduler answers there"
         remedy = "start one with `dask scheduler`, or leave the option out"
         key = "--scheduler-file" if file else "--scheduler"

@@ -29,18 +29,23 @@ def check_settings() -> None:
         if config.DISABLE_JIT:  # type: ignore[attr-defined]
             given, remedy = "disable_jit", f"leave it out of {own}, or unset NUMBA_DISABLE_JIT"
             raise InputError(Problem("settings of Numba", "", given, "runs are compiled", remedy))
-    in_shell = any(name.startswith("DASK_") for name in os.environ)
-    if in_shell or any(map(_says_something, _OF_DASK)):
+    if dask_is_set():
         try:
             import distributed  # noqa: F401
         except Exception as error:  # noqa: BLE001
             raise unread("Dask", error, MEND_DASK) from None
 
 
+def dask_is_set() -> bool:
+    """Whether anything but Dask itself says how it is set."""
+    in_shell = any(name.startswith("DASK_") for name in os.environ)
+    return in_shell or any(map(_says_something, _OF_DASK))
+
+
 MEND_DASK = "correct its YAML, or what DASK_* of the shell say"
 
 
-def unread(library: str, error: Exception, remedy: str) -> InputError:
+def unread(library: str, error: BaseException, remedy: str) -> InputError:
     """What is wrong with settings of a library that it refuses, whatever it does then."""
     given = f"what it cannot read ({error!r})"
     rule = f"{library} reads its own before it is used"

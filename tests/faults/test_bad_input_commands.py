@@ -247,23 +247,46 @@ def test_settings_of_dask_that_are_no_yaml(tmp_path: Path, place: str, name: str
     ("name", "value"),
     [
         *(
-            pytest.param(name, "nonsense", marks=pytest.mark.slow)
-            for name in (
-                "COMM__TIMEOUTS__CONNECT",
-                "NANNY__PRELOAD",
-                "WORKER__MULTIPROCESSING_METHOD",
+            pytest.param(name, value, marks=pytest.mark.slow)
+            for name, value in (
+                ("DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "nonsense"),
+                ("DISTRIBUTED__NANNY__PRELOAD", "nonsense"),
+                ("DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD", "nonsense"),
+                ("DISTRIBUTED__CLIENT__PRELOAD", "['nonsense']"),
+                ("DISTRIBUTED__CLIENT__HEARTBEAT", "nonsense"),
+                ("DISTRIBUTED__DASHBOARD__LINK", "{nonsense}"),
+                ("TEMPORARY_DIRECTORY", "/proc/nonsense"),
             )
         ),
-        ("LOGGING__DISTRIBUTED", "bogus"),
+        ("DISTRIBUTED__LOGGING__DISTRIBUTED", "bogus"),
     ],
 )
 def test_settings_of_dask_that_it_does_not_take(tmp_path: Path, name: str, value: str) -> None:
-    setting = {f"DASK_DISTRIBUTED__{name}": value}
     given = ("run", "stability", *SITE, "--workers", 2, "--derived", tmp_path)
-    process = start(*given, **setting)
+    process = start(*given, **{f"DASK_{name}": value})
     *_, line = process.communicate(timeout=60)[0].splitlines()
     assert process.returncode == cli.REFUSED
     assert line.startswith("vsr: settings of Dask: got what it cannot read")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("SCHEDULER__IDLE_TIMEOUT", "1s"),
+        ("SCHEDULER__PICKLE", "False"),
+        ("SCHEDULER__BLOCKED_HANDLERS", "['register-client']"),
+        ("WORKER__LIFETIME__DURATION", "2s"),
+    ],
+)
+def test_our_own_workers_stay_whatever_is_said_of_others(
+    tmp_path: Path, name: str, value: str
+) -> None:
+    given = ("run", "stability", *SITE, "--workers", 2, "--derived", tmp_path)
+    process = start(*given, **{f"DASK_DISTRIBUTED__{name}": value})
+    said = process.communicate(timeout=300)[0]
+    assert process.returncode == cli.DONE, said
+    assert "Traceback" not in said
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,29 @@ def test_a_report_gives_the_fragility_it_shows() -> None:
     assert report.equals(vsr.fragility(BLOCK, PULSES, **QUICK))
 
 
+def test_a_replay_is_of_the_rock_of_its_dataset(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever rock the name stands for by now, in another folder or after an edit."""
+    for folder, height in (("one", 2.0), ("other", 4.0)):
+        (tmp_path / folder).mkdir()
+        rock = BLOCK | {"rock": {"shape": "box", "size": [0.5, 1.0, height], "density": 2110}}
+        (tmp_path / folder / "rock.yaml").write_text(json.dumps(rock))
+    monkeypatch.chdir("one")
+    found = vsr.fragility("rock.yaml", PULSES, derived="made", **QUICK)
+    page = found.vsr.replay(pga=0.9, pgv_pga=0.3).path
+    assert page.resolve().is_relative_to(tmp_path / "one" / "made")
+    monkeypatch.chdir("../other")
+    with pytest.raises(vsr.InputError, match="another working folder"):
+        found.vsr.replay(pga=0.9, pgv_pga=0.3)
+    assert [path.name for path in Path.cwd().iterdir()] == ["rock.yaml"]
+    monkeypatch.chdir("../one")
+    assert found.vsr.replay(pga=0.9, pgv_pga=0.3).path == page
+    shutil.copy(tmp_path / "other" / "rock.yaml", "rock.yaml")
+    with pytest.raises(vsr.InputError, match="other files or settings"):
+        found.vsr.replay(pga=0.9, pgv_pga=0.3)
+
+
 def test_a_scan_is_found_from_the_working_folder() -> None:
     Path("𐀀 rock").mkdir()  # a letter of four bytes
     trimesh.creation.box((0.5, 0.6, 1.5)).subdivide().export("𐀀 rock/é.ply")

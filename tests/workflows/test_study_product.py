@@ -16,6 +16,7 @@ from conftest import Ran
 from matplotlib.figure import Figure
 
 from pipeline.workflow.run_store import RUNS
+from tests.support import record_files
 
 SITE = """rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
 motion: {pga: [0.2, 0.3, 0.4, 0.6], pgv_pga: [0.1, 0.2, 0.3, 0.5]}
@@ -214,6 +215,37 @@ sweep:
     assert data["pgv_pga"].values[pulses].tolist() == [0.1, 0.2, 0.3, 0.5]
     assert (pulses == ran.sel(shape="ricker_pulse")).all()
     assert not (pulses & ran.sel(shape="record")).any()
+
+
+def test_records_are_compared_with_themselves_however_they_are_processed(study: Study) -> None:
+    """Also mirror images, which have one PGV/PGA, and whose boundaries are those of one yaw."""
+    folder = study.folder / "recorded"
+    folder.mkdir()
+    wave = record_files.shaking(3, 100.0, 20.0, 2.0, 0.6)
+    for name, one in (("wave", wave), ("mirror", -wave), ("slow", np.repeat(wave, 2))):
+        (folder / f"{name}.csv").write_text(record_files.csv(one, 0.01, "a [m/s2]"))
+    ran = study.run("""
+yaw: 0
+motion: {kind: record, files: recorded, pga: [0.3, 0.6, 0.9, 1.2]}
+sweep:
+  filter:
+    motion.processing:
+      - {order: standard, highpass: 0.1, lowpass: 20}
+      - {order: standard, highpass: 0.3, lowpass: 20}
+""")
+    data = study.data().squeeze(["yaw", "friction"])
+    assert data["record"].values.tolist() == [["mirror", "wave", "slow"]] * 2
+    ratio = data["record_pgv_pga"].values
+    np.testing.assert_array_equal(ratio[:, 0], ratio[:, 1])
+    assert (ratio[1] < ratio[0]).all()
+    first = data["first_overturning_pga"]
+    assert np.isfinite(first).all()
+    np.testing.assert_allclose(first[:, 0], first[:, 1], rtol=0.02)  # of a box that is symmetric
+    moved = np.expm1(np.log(first[1].values / first[0].values).mean())
+    said = re.search(r"averaged over PGV/PGA, moves by (.)([\d.]+) %", ran.err)
+    assert said is not None, ran.err
+    sign = {"+": 1.0, "\N{MINUS SIGN}": -1.0}[said[1]]
+    assert sign * float(said[2]) == pytest.approx(100.0 * moved, rel=0.06)
 
 
 def test_any_product_can_be_swept(study: Study) -> None:

@@ -35,6 +35,7 @@ from pipeline.workflow.grammar import listed
 from pipeline.workflow.registry import upstream
 from pipeline.workflow.stage import Job, Product, Work
 from pipeline.workflow.sweeps import DATA, PAGE, Swept
+from vsr_core.arrays import Array
 from vsr_core.rock.solid import standing
 from vsr_core.rock.tipping import tipping
 
@@ -139,6 +140,7 @@ def stacked(swept: Swept, work: Work) -> xr.Dataset:
     """
     sweep = swept.sweep
     parts = [_member(swept, member.place) for member in sweep.members]
+    parts = _by_record(parts, sweep.members.index(sweep.reference))
     common = set.intersection(*(set(part.data_vars) for part in parts))
     parts = [part[[name for name in part.data_vars if name in common]] for part in parts]
     ragged = _ragged(parts)
@@ -159,7 +161,10 @@ def _member(swept: Swept, place: tuple[int, ...]) -> xr.Dataset:
     job = swept.jobs[place]
     parts = [read(job.path(name)) for name in _files(job, swept.stage)]
     data = xr.merge(parts, combine_attrs="drop", compat="override").drop_encoding()
-    if "record" in data.dims and len(set(data["pgv_pga"].values.tolist())) == data.sizes["record"]:
+    if "record" in data.dims:
+        ratio = data["pgv_pga"] if "pgv_pga" in data else data["record_pgv_pga"]
+        data = data.assign(record_pgv_pga=ratio.variable)
+        data["pgv_pga"] = ("record", _apart(ratio.values), ratio.attrs)
         data = data.swap_dims(record="pgv_pga").reset_coords("record")
     if "yaw" in data.dims and job.store.manifest("rock"):
         data = data.merge(_rock(job, data["yaw"]))
@@ -167,6 +172,31 @@ def _member(swept: Swept, place: tuple[int, ...]) -> xr.Dataset:
     alone = [dim for key, dim in GRIDS.items() if key in swept_keys and data.sizes.get(dim) == 1]
     data = data.squeeze(alone, drop=True)
     return data.reset_coords()
+
+
+def _apart(ratios: Array) -> Array:
+    """PGV/PGA of which each is a row: records that share one, such as mirror images, are set apart.
+
+    >>> _apart(np.array([0.2, 0.1, 0.2])).tolist()
+    [0.2, 0.1, 0.20000000020000003]
+    """
+    before = [(ratios[:place] == ratio).sum() for place, ratio in enumerate(ratios)]
+    return ratios * (1.0 + 1e-9 * np.array(before))
+
+
+def _by_record(parts: list[xr.Dataset], reference: int) -> list[xr.Dataset]:
+    """Members with the rows of the reference, where all have the same records.
+
+    A record processed otherwise has a PGV/PGA that is a little different, and is the same record.
+    """
+    names = [part["record"].values.tolist() if "record" in part else [] for part in parts]
+    wanted, ratio = names[reference], parts[reference].get("pgv_pga")
+    if not wanted or any(sorted(one) != sorted(wanted) for one in names):
+        return parts
+    return [
+        part.isel(pgv_pga=[*map(own.index, wanted)]).assign_coords(pgv_pga=ratio)
+        for part, own in zip(parts, names, strict=True)
+    ]
 
 
 def _files(job: Job, stage: str) -> tuple[str, ...]:
