@@ -67,6 +67,21 @@ def with_r2(r2: float, n: int) -> tuple[Array, Array]:
     return x, math.sqrt(r2) * u + math.sqrt(1.0 - r2) * away / np.linalg.norm(away) + 3.0
 
 
+@pytest.mark.parametrize(
+    ("values", "p"),
+    [
+        ([1, 2, 3], 1 / 3),  # in order, or in the opposite: 2 of 6
+        ([1, 2, 3, 4], 1 / 12),
+        ([1, 2, 4, 3], 1 / 3),  # Owen's table of n = 4: 4 of 24 at .8 or more, one-sided
+        ([2, 2, 5], 2 / 3),  # of which two are alike
+    ],
+)
+def test_ranks_of_few_ensembles_are_in_order_by_chance(values: list[float], p: float) -> None:
+    found = correlate(np.arange(float(len(values))), np.array(values, dtype=float))
+    assert found.spearman_p == pytest.approx(p)
+    assert found.spearman == pytest.approx(stats.spearmanr(range(len(values)), values).statistic)
+
+
 @pytest.mark.parametrize(("r2", "published", "n"), TABLE_1)
 def test_published_p_follows_from_published_r2(r2: float, published: float, n: int) -> None:
     """The paper prints R2 to two figures: its p lies between those of the ends of the last one."""
