@@ -12,6 +12,7 @@ Products are made by the same stages, from the same store and under the same key
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -26,8 +27,10 @@ from pipeline.config.problems import InputError as InputError
 from pipeline.config.problems import Problem
 from pipeline.config.yaml_text import in_yaml
 from pipeline.workflow import graph, output
+from pipeline.workflow.cluster import GUARDED
 from pipeline.workflow.command_line import parsed
 from pipeline.workflow.jobs import job_of
+from pipeline.workflow.log import complain
 from pipeline.workflow.stage import Job
 
 if TYPE_CHECKING:
@@ -107,6 +110,9 @@ def run(
 
     from pipeline.inspection import in_notebook
 
+    if workers != 0 and getattr(multiprocessing.current_process(), "_inheriting", False):
+        complain(f"vsr: a worker process of its own ends: {GUARDED}")
+        raise SystemExit(2)
     if product in WITHOUT_DATASET:
         rule, remedy = "it has no dataset", f"use the command vsr run {product}"
         raise InputError(Problem("vsr.run", "", product, rule, remedy))

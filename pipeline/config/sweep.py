@@ -53,8 +53,9 @@ class Dimension:
 
     @property
     def is_numeric(self) -> bool:
-        """Whether the values of that key are numbers."""
-        return all(_is_number(value) for value in self.values[self.key])
+        """Whether the values of that key are numbers, none of which comes again."""
+        own = self.values[self.key]
+        return all(map(_is_number, own)) and len(set(own)) == len(own)
 
     def layers(self) -> Iterator[tuple[dict[str, Any], ...]]:
         """What each place along it sets."""
@@ -246,7 +247,7 @@ def _labels(places: list[tuple[Any, ...]]) -> tuple[str, ...]:
     """What to call each place: by its first value, numbered where several are called alike."""
     names = [_label(place[0]) for place in places]
     return tuple(
-        f"{name} {names[: n + 1].count(name)}" if names.count(name) > 1 else name
+        f"{name} ({names[: n + 1].count(name)})" if names.count(name) > 1 else name
         for n, name in enumerate(names)
     )
 

@@ -20,9 +20,14 @@ _PR_SET_PDEATHSIG = 1
 
 KILLED = "a process was killed (is there memory enough?); the same command goes on from there"
 
-POSSIBLE = sys.platform == "linux"
-"""Whether a copy of this process may go on with the libraries it has loaded. A process without
-them would take longer to load them than what is done aside takes."""
+
+def possible() -> bool:
+    """Whether a copy of this process may go on with the libraries it has loaded.
+
+    A process without them would take longer to load them than what is done aside takes; one of a
+    pool has no others of its own.
+    """
+    return sys.platform == "linux" and not multiprocessing.current_process().daemon
 
 
 def begin(work: Callable[[], T]) -> Callable[[], T]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import signal
 import threading
 import time
@@ -249,6 +250,9 @@ class Cluster:
 def _local_cluster(workers: int) -> Any:
     import distributed
 
+    if multiprocessing.current_process().daemon:
+        given, rule = f"{workers} in a process of a pool", "such a process has none of its own"
+        raise InputError(Problem("worker processes", "", given, rule, "give workers=0"))
     try:
         with held_back():  # Dask cannot end workers that are half started
             return distributed.LocalCluster(
@@ -271,7 +275,15 @@ def _of_a_setting(error: Exception) -> Exception:
         cause = further
     if isinstance(cause, _OF_A_SETTING) or dask_is_set():
         return unread("Dask", cause, MEND_DASK)
+    if isinstance(error, RuntimeError):
+        given, remedy = f"those that end as they start ({error})", "write it so, or give workers=0"
+        return InputError(Problem("worker processes", "", given, GUARDED, remedy))
     return error
+
+
+GUARDED = (
+    'each imports the script that starts them, which has its calls below if __name__ == "__main__":'
+)
 
 
 _OF_A_SETTING = ImportError, KeyError, TypeError, ValueError

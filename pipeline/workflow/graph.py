@@ -258,7 +258,7 @@ class _Making:
 
     def _begin(self, stage: Stage, own: Identity) -> None:
         job = self._job
-        if aside.POSSIBLE and job.cluster.free and stage.aside(job.site.settings):
+        if aside.possible() and job.cluster.free and stage.aside(job.site.settings):
             # A copy of a process that once had workers cannot have any: Dask's threads are gone.
             alone = replace(job, cluster=job.cluster.in_process())
             self._under_way[stage.name] = aside.begin(partial(self._make, stage, own, alone))

@@ -17,9 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import trimesh
+import xarray as xr
+from conftest import Ran
 
 from pipeline import ROOT
 from pipeline.config.problems import InputError
+from pipeline.stages.mesh import mesh_files
 from pipeline.workflow import graph, owner
 from pipeline.workflow.owner import LOCK, Ownership
 from pipeline.workflow.run_store import RUNS
@@ -434,3 +438,34 @@ def test_folder_is_settled_after_each_rename(
     for at in renames:
         assert done[at - 1] == "write"
         assert done[at + 1] == done[at].replace("rename into", "settle")
+
+
+def test_a_scan_that_is_written_while_it_is_read_makes_nothing(
+    tmp_path: Path,
+    vsr: Callable[..., Ran],
+    write_site: Callable[..., str],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """After its digest and before it is read: the rock would have the other's key."""
+    site = write_site("rock: {shape: mesh, mesh: scan.ply, density: 2000}\n")
+    scan, scans = tmp_path / "scan.ply", []
+    for height in (2.0, 3.0):
+        trimesh.creation.box((1.0, 1.0, height)).export(scan)
+        scans.append(scan.read_bytes())
+    scan.write_bytes(scans[0])
+    read = mesh_files.read
+
+    def written_before(path: Path, *given: float) -> trimesh.Trimesh:
+        path.write_bytes(scans[1])
+        return read(path, *given)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(mesh_files, "read", written_before)
+        ran = vsr("run", "rock", "--site", site)
+    assert ran.code == 2
+    assert "scan.ply edited while a command that reads it was at work" in ran.err
+    assert not (derived / "rock" / "rock.nc").exists()
+    scan.write_bytes(scans[0])
+    assert vsr("run", "rock", "--site", site).code == 0
+    assert xr.load_dataset(derived / "rock" / "rock.nc").attrs["mass_kg"] == pytest.approx(4000.0)

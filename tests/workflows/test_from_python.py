@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import html
 import json
+import os
 import re
 import shutil
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,7 @@ import trimesh
 import xarray as xr
 
 import vsr
+from pipeline import ROOT
 from pipeline.config.yaml_text import parse as load_yaml
 
 BLOCK = vsr.box(0.5, 1.0, 2.0, density=2110)
@@ -60,6 +64,35 @@ def test_a_replay_is_of_the_rock_of_its_dataset(
     shutil.copy(tmp_path / "other" / "rock.yaml", "rock.yaml")
     with pytest.raises(vsr.InputError, match="other files or settings"):
         found.vsr.replay(pga=0.9, pgv_pga=0.3)
+
+
+MANY = """vsr.responses(
+    vsr.box(1, 1, 2, density=2000), vsr.pulses({"start": 0.1, "stop": 1, "num": 120}, [0.1, 0.3]),
+    yaw=30, simulation={"engine": "bullet", "time_step": 0.002}, workers=2)
+"""
+
+
+def test_a_process_of_a_pool_has_no_workers(tmp_path: Path) -> None:
+    given = ["from multiprocessing import Pool", "import vsr", "def f(_):", "    try:"]
+    given += ["        " + MANY.replace("\n", " "), "    except vsr.InputError as error:"]
+    given += ["        return str(error)", "if __name__ == '__main__':"]
+    given += ["    with Pool(1) as pool:", "        print(*pool.map(f, [0]))"]
+    assert "give workers=0" in script(tmp_path, given).stdout
+
+
+@pytest.mark.slow
+def test_a_script_that_its_workers_would_run_again_is_told(tmp_path: Path) -> None:
+    ended = script(tmp_path, ["import vsr", "print('top')", MANY])
+    assert ended.returncode
+    assert ended.stderr.count("has its calls below if __name__") == 3
+    assert ended.stderr.count("Traceback") == 1
+
+
+def script(folder: Path, lines: list[str]) -> subprocess.CompletedProcess[str]:
+    (folder / "script.py").write_text("\n".join(lines))
+    told = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "script.py"]
+    return subprocess.run(command, cwd=folder, env=told, capture_output=True, text=True)
 
 
 def test_a_scan_is_found_from_the_working_folder() -> None:

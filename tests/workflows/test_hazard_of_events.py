@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import html
+import os
 import re
 import shutil
 from collections.abc import Callable
@@ -54,6 +55,26 @@ def drawn() -> dict[str, Array]:
         "pga": np.array([float(one["gmv_PGA"]) for one in shaken]),
         "pgv": np.array([float(one["gmv_PGV"]) for one in shaken]),
     }
+
+
+def test_events_of_the_same_size_and_date_are_read_again(
+    tmp_path: Path, vsr: Callable[..., Ran], derived: Path
+) -> None:
+    """In one process: whether files differ is not decided by dates."""
+    events = tmp_path / "events"
+    shutil.copytree(SAMPLE, events)
+    (tmp_path / "rock.yaml").write_text(BOX.replace(str(SAMPLE), str(events)))
+    path, strongest = events / "gmf-data_1.csv", []
+    for factor in (1.0, 0.5):
+        rows = list(csv.reader((SAMPLE / path.name).read_text().splitlines()))
+        for row in rows[2:]:
+            row[1:3] = [f"{factor * float(value):.5E}" for value in row[1:3]]
+        path.write_text("\n".join(map(",".join, rows)) + "\n")
+        os.utime(path, (1e9, 1e9))
+        assert vsr("run", "hazard", "--site", tmp_path / "rock.yaml", "--workers", 0).code == 0
+        found = read(derived / "rock" / "hazard.nc")
+        strongest.append(found["pga_before"].sel(return_period=2475).item())
+    assert strongest[1] == pytest.approx(0.5 * strongest[0], rel=0.01)
 
 
 @pytest.fixture(scope="module")

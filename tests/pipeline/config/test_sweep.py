@@ -47,6 +47,14 @@ def test_members_are_all_combinations(sweep_of: Callable[..., Sweep]) -> None:
     assert (bounce.reference, size.reference) == (0, 0)
 
 
+def test_a_number_that_comes_again_is_a_name(sweep_of: Callable[..., Sweep]) -> None:
+    """Beside another key a place has no number of its own to be found by."""
+    keys = "rock.density: [2000, 2000, 2600], contact.restitution: [0, 0.2, 0.2]"
+    (mass,) = sweep_of(f"sweep: {{mass: {{{keys}}}}}\n").dimensions
+    assert mass.labels == ("2000 (1)", "2000 (2)", "2600")
+    assert not mass.is_numeric
+
+
 def test_directions_and_frictions_are_grids_of_one_member(sweep_of: Callable[..., Sweep]) -> None:
     text = "sweep:\n  yaw: {yaw: [0, 5, 10]}\n  mu: {contact.friction: [0.4, 0.6]}\n"
     found = sweep_of(text)
