@@ -180,7 +180,6 @@ def test_hunt_of_broken_files(tmp_path: Path, name: str, data: Any) -> None:
     see(tmp_path, name, data)
 
 
-@pytest.mark.usefixtures("no_pictures")
 @pytest.mark.parametrize("name", DOORS)
 @settings(SOME, max_examples=8)
 @given(data=st.data())

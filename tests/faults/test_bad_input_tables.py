@@ -78,7 +78,6 @@ def test_damaged_table_is_refused_or_whole(tmp_path: Path, name: str, data: Any)
     see(tmp_path, name, data)
 
 
-@pytest.mark.usefixtures("no_pictures")
 @pytest.mark.parametrize("name", READERS)
 @settings(SOME, max_examples=8)
 @given(data=st.data())

@@ -19,8 +19,6 @@ from pipeline.workflow.owner import LOCK, SILENCE, Ownership
 from pipeline.workflow.run_store import RUNS
 from pipeline.workflow.store import LOG, Store
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 GRID = "motion: {pga: [0.2, 0.4, 0.6], pgv_pga: [0.2, 0.4]}\n"
 
 Command = Callable[..., Any]

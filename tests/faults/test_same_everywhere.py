@@ -162,10 +162,7 @@ sys.exit(main(sys.argv[2:]))
 
 @pytest.fixture
 def draws(
-    vsr: Callable[..., Any],
-    write_site: Callable[..., str],
-    monkeypatch: pytest.MonkeyPatch,
-    no_pictures: None,
+    vsr: Callable[..., Any], write_site: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> Callable[..., dict[str, bytes]]:
     """Makes draws of a rock in a folder, two of them after the other two; gives their products."""
     monkeypatch.setattr(ensemble, "TOGETHER", 2)

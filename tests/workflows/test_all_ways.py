@@ -160,7 +160,7 @@ QUICK_WAYS = [
 ]
 
 
-@pytest.mark.usefixtures("no_pictures", "few_samples")
+@pytest.mark.usefixtures("few_samples")
 @pytest.mark.parametrize("way", QUICK_WAYS, ids=told)
 def test_each_pair_has_a_way(
     way: Way, go: Callable[[Way, str], None], monkeypatch: pytest.MonkeyPatch

@@ -46,7 +46,7 @@ STATISTICS = ("trajectory_length", "largest_speed", "terminal_distance")
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory, few_samples: None, no_pictures: None) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory, few_samples: None) -> Path:
     """Products of twelve runs on a small site."""
     place = tmp_path_factory.mktemp("hill")
     write_ply(place / "scan.ply", survey(), FAR)

@@ -19,6 +19,8 @@ from pipeline.workflow.datasets import read
 from vsr_core import GRAVITY
 from vsr_core.run.rocking_block import Block, first_overturning_pga, rocking_response
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 BLOCK = Block(0.2, 0.8)
 RATIOS = (0.08, 0.18)
 SLIPS, GRIPS = 0.6, 5.0

@@ -149,12 +149,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "derived" / "rock"
 
 
-@pytest.fixture
-def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw no figure, which is most of the work of a page: for tests of the numbers."""
-    monkeypatch.setattr(stage, "svg_uri", lambda figure: "data:,")
-
-
 @pytest.fixture(scope="module")
 def hazard(made: Path) -> xr.Dataset:
     return read(made / "hazard.nc")
@@ -334,7 +328,6 @@ def test_a_single_branch_is_compared_with_no_others(
         assert words not in said, words
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_formulas_are_text_and_a_wrong_unit_shows_in_the_log(
     made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -477,7 +470,6 @@ def test_what_is_changed_stands_in_the_table_of_changes(
         assert f"{case} | {cells}" in page
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_an_ensemble_gives_the_mean_and_its_members_the_range(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -519,7 +511,6 @@ def test_an_ensemble_gives_the_mean_and_its_members_the_range(
     assert "uncertainty.members" in ran.err
 
 
-@pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize("given", ["age", "curves"])
 def test_another_age_or_other_curves_run_nothing(
     made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], given: str
@@ -553,7 +544,6 @@ def test_another_age_or_other_curves_run_nothing(
     assert "runs done" not in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_a_rock_of_an_archive_stands_beside_that_of_the_site(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -595,7 +585,6 @@ def test_a_rock_of_an_archive_stands_beside_that_of_the_site(
     assert "no such rock; its rocks are Ridge 8" in refused.err
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_rocks_of_one_site_are_combined(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -636,7 +625,6 @@ def test_rocks_of_one_site_are_combined(
     assert "hazard: file ../broad edited" in vsr("why", "hazard", "--site", site).out
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_a_rock_that_came_out_of_the_ground(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -1000,7 +988,7 @@ def test_years_in_which_another_rock_was_seen_to_stand_are_no_part_of_its_age(
         assert back_to(hazard.rocks[0].age, (), other.observed) == [[years]]
 
 
-@pytest.mark.usefixtures("without_pictures")
+@pytest.mark.slow
 def test_a_stage_has_the_draws_of_the_rock(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -1029,7 +1017,6 @@ def test_a_stage_has_the_draws_of_the_rock(
     np.testing.assert_allclose(both["survival"], one["survival"], rtol=0.02)
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_another_rock_has_the_stages_of_its_own_file(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:

@@ -18,8 +18,6 @@ from pipeline import ROOT
 from pipeline.workflow.rows import Layout, RunRow
 from pipeline.workflow.run_store import RUNS
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 SITE = """
 rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
 motion: {pga: [0.2, 0.4, 0.6, 0.8], pgv_pga: [0.1, 0.2, 0.3]}

@@ -22,8 +22,6 @@ from pipeline.workflow.datasets import read
 from pipeline.workflow.run_store import RUNS
 from pipeline.workflow.workers import BATCHES_IN_FLIGHT
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 Vsr = Callable[..., Ran]
 
 SITE = """
@@ -107,6 +105,7 @@ def test_a_wider_study_does_its_new_rows_only(vsr: Vsr, site: str, tmp_path: Pat
     assert set(kept) < set(table(folder, "lines_of_runs"))
 
 
+@pytest.mark.slow
 def test_workers_change_no_byte(
     vsr: Vsr, site: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -144,6 +143,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.mark.slow
 def test_a_killed_study_goes_on_with_its_next_line(
     vsr: Vsr, site: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,6 +16,8 @@ from test_validation_product import write_tests
 from pipeline import ROOT, cli
 from pipeline.workflow import pages
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 CHECKS = (ROOT / "tests" / "support" / "page_checks.js").read_text(encoding="utf-8")
 PAPER = {"width": 718, "height": 1000}
 """What is within the margins of a sheet of A4, in pixels of a browser."""

@@ -22,8 +22,6 @@ from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.outcome import Response
 from vsr_core.run.cases import Case, Settings
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 GRID = "motion: {pga: [0.2, 0.4, 0.6], pgv_pga: [0.2, 0.4]}\n"
 
 

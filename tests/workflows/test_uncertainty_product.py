@@ -53,13 +53,6 @@ def priors(**free: str) -> list[str]:
     ]
 
 
-@pytest.fixture
-def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw no figure, which is most of the work of a small grid: for tests of the numbers."""
-    monkeypatch.setattr(uncertainty, "pictures", lambda name, figure: {})
-    monkeypatch.setattr(uncertainty, "png_uri", lambda figure: "data:,")
-
-
 def product(ran: Any, derived: Path, *, unresolved: bool = False) -> xr.Dataset:
     """The product of a command, of which some runs may be unresolved."""
     assert ran.code == 0 or (unresolved and ran.code == 1), ran.err
@@ -92,7 +85,6 @@ def test_nothing_unknown_is_the_grid_itself(
     assert "draws" not in again.err.split("->")[0]
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_a_gain_moves_the_boundary_of_housner(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
@@ -135,7 +127,6 @@ def test_a_gain_moves_the_boundary_of_housner(
     assert found["levels_followed"].values.sum() == np.isfinite(ends).all(axis=0).sum()
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_what_the_rule_spares_is_counted_where_it_is_wrong(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
@@ -162,7 +153,6 @@ def test_what_the_rule_spares_is_counted_where_it_is_wrong(
     assert (np.diff(every["surface"].values, axis=1) >= 0.0).all()
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_density_as_a_whole_is_nothing_to_a_rock(
     vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -203,7 +193,6 @@ uncertainty: {scan: {error: 0}}
 """
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_the_direction_drawn_is_that_in_which_a_rock_without_symmetry_is_shaken(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
@@ -238,7 +227,6 @@ def test_the_direction_drawn_is_that_in_which_a_rock_without_symmetry_is_shaken(
             np.testing.assert_array_equal(draw.sel(yaw=yaw), expected)
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_draws_are_searched_from_the_site_at_the_friction_nearest_to_theirs(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
@@ -310,7 +298,6 @@ def hill(
     return write_site(HILL.replace("POINT", point).replace("NORMAL", str(up.tolist())))
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_nothing_unknown_of_a_rock_on_its_seat_is_the_site_itself(
     vsr: Callable[..., Any], hill: str, derived: Path
 ) -> None:
@@ -327,7 +314,6 @@ def test_nothing_unknown_of_a_rock_on_its_seat_is_the_site_itself(
     assert not list(found["unknown"].values)
 
 
-@pytest.mark.usefixtures("without_pictures")
 def test_cells_beyond_the_range_of_the_search_are_those_of_a_wider_one(
     vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -346,7 +332,6 @@ def test_cells_beyond_the_range_of_the_search_are_those_of_a_wider_one(
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("without_pictures")
 def test_a_larger_error_of_the_seam_alone_scatters_the_draws_more(
     vsr: Callable[..., Any], hill: str, derived: Path
 ) -> None:
@@ -361,7 +346,6 @@ def test_a_larger_error_of_the_seam_alone_scatters_the_draws_more(
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("without_pictures")
 def test_seats_are_drawn_of_a_rock_on_its_terrain_by_any_workers(
     vsr: Callable[..., Any], hill: str, derived: Path
 ) -> None:

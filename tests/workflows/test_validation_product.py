@@ -28,6 +28,8 @@ from vsr_core.outcome import Outcome
 from vsr_core.run import rocking_block
 from vsr_core.validation import priors, specimen
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 INTERVAL, RATIO = 0.005, 0.3
 SHARED = ROOT.parent / "shared" / "data" / "shake_table"
 

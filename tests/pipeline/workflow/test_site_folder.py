@@ -19,8 +19,6 @@ OTHER = ("--set", "contact.friction=0.7")
 
 Vsr = Callable[..., Any]
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 
 def settings_in(folder: Path) -> dict[str, Any]:
     return dict(yaml.safe_load((folder / "config.yaml").read_text(encoding="utf-8")))

@@ -413,6 +413,7 @@ def test_a_world_is_as_new_at_every_step() -> None:
         assert digest(first) == digest(again)
 
 
+@pytest.mark.slow
 def test_a_run_knows_nothing_of_the_runs_before() -> None:
     """Bit for bit the same: again, in any order, after others, and in another process."""
     chosen = various()

@@ -25,7 +25,7 @@ def sheet(field: FieldScan) -> trimesh.Trimesh:
     return trimesh.Trimesh(made.vertices, made.faces, process=False)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 3))])
 def test_same_rock_as_among_all_faces_at_once(seed: int) -> None:
     mesh = sheet(FieldScan(seed))
     assert len(mesh.faces) > 2 * coarse_first.AT_ONCE

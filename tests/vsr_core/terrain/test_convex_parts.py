@@ -194,6 +194,7 @@ def standing_out(terrain: Terrain, made: tuple[Array, ...], number: int) -> Arra
     return np.concatenate([away, np.zeros(len(everywhere) - len(in_the_air))])
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.sampled_from([0.005, 0.02, 0.06]))
 @settings(max_examples=4, deadline=None, derandomize=True)
 def test_parts_cover_the_ground_and_hardly_stand_out(seed: int, tolerance: float) -> None:
@@ -215,6 +216,7 @@ def test_without_tolerance_only_what_is_convex_is_joined() -> None:
     assert 20 < len(made) < 0.7 * len(terrain.faces)
 
 
+@pytest.mark.slow
 def test_walls_of_a_niche() -> None:
     terrain = grounds.niche(1.0, 0.5, half=2.0)
     made = convex_parts(terrain, same_everywhere(0.02), 0.05)

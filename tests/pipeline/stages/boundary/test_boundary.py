@@ -22,8 +22,6 @@ from vsr_core import GRAVITY
 from vsr_core.outcome import Outcome
 from vsr_core.run.rocking_block import Block, first_overturning_pga
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 GRID = "motion: {pga: [0.2, 0.4, 0.6, 0.8], pgv_pga: [0.2, 0.4]}\n"
 BLOCK = "rock: {shape: box, size: [1.0, 1.0, 2.0], density: 2110}\nyaw: 0\n"
 

@@ -51,6 +51,8 @@ from vsr_core.displacement.correlation import correlations
 from vsr_core.displacement.origin import ObservedBoulder, trace
 from vsr_core.outcome import Movement, Outcome, StopReason
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 Array = NDArray[np.float64]
 
 SOURCE = "surrogate terrain"

@@ -30,8 +30,6 @@ from vsr_core.source import tracing
 Refused = Callable[..., str]
 Vsr = Callable[..., object]
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 PGA = (0.2, 0.4, 0.6, 0.8, 1.0)
 RATIOS = (0.15, 0.3, 0.5)
 ROCK = "rock: {shape: box, size: [0.5, 0.5, 1.0], density: 2110}\n"
@@ -282,13 +280,13 @@ def test_files_of_a_folder_that_are_no_records_are_named(
     for name in ("p.csv", "q.CSV.gz", "r.V2C", "about.md", ".hidden"):
         (mine / name).write_text(pulse_record(0.3))
     assert run(tmp_path, site(tmp_path, f"files: mine, {NONE}, pga: [0.2]"), "motions") == cli.DONE
-    said = capsys.readouterr().out
+    said = capsys.readouterr().err
     assert "mine not read: more, q.CSV.gz and r.V2C; records end in .at2" in said
     (mine / "more").rmdir()
     for name in ("q.CSV.gz", "r.V2C"):
         (mine / name).unlink()
     assert run(tmp_path, site(tmp_path, f"files: mine, {NONE}, pga: [0.3]"), "motions") == cli.DONE
-    assert "not read" not in capsys.readouterr().out
+    assert "not read" not in capsys.readouterr().err
 
 
 BAND = "processing: {order: standard, highpass: 1.0, lowpass: 25}"

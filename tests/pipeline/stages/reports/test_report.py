@@ -37,6 +37,8 @@ from pipeline.stages.reports import report, report_tables
 from pipeline.workflow.datasets import read
 from vsr_core.outcome import DecidedBy, Outcome
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 SITE = """
 rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
 motion: {pga: {start: 0.15, stop: 0.9, num: 6}, pgv_pga: {start: 0.1, stop: 0.6, num: 6}}

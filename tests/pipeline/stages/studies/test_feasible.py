@@ -21,6 +21,8 @@ from vsr_core import GRAVITY
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.table.capacity import LIMITS, Table, binding, commands, largest_pga, loads
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 TABLE = Table(12.0, 0.5, 0.2, 2.0, 200.0, 0.05, 1600)
 SMALL = "rock: {shape: box, size: [0.05, 0.05, 0.2], density: 1500}\n"
 GRID = (

@@ -7,10 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 import xarray as xr
-
-from pipeline.stages.uncertainty import uncertainty
 
 SITE = """
 rock: {shape: box, size: [0.25, 0.8, 1.0], density: 2000}
@@ -22,14 +19,6 @@ uncertainty: {members: 8, friction: [10, 10], restitution: [0, 0], centre_of_mas
 """
 
 
-@pytest.fixture
-def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw no figure."""
-    monkeypatch.setattr(uncertainty, "pictures", lambda name, figure: {})
-    monkeypatch.setattr(uncertainty, "png_uri", lambda figure: "data:,")
-
-
-@pytest.mark.usefixtures("without_pictures")
 def test_a_finer_grid_moves_the_band_by_no_more_than_a_bracket(
     vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
 ) -> None:
