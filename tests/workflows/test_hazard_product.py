@@ -1036,6 +1036,10 @@ def test_another_rock_has_the_stages_of_its_own_file(
     np.testing.assert_allclose(both, alone, rtol=1e-3)
     page = (derived / "rock" / "hazard.html").read_text(encoding="utf-8")
     assert "before present (invented) ridge stood as buried does" in page
+    text = Path(ridge).read_text(encoding="utf-8")
+    Path(ridge).write_text(text.replace("mean: 1200", "mean: 300"), encoding="utf-8")
+    assert "hazard: file stages of ridge edited" in vsr("why", "hazard", "--site", site).out
+    Path(ridge).write_text(text, encoding="utf-8")
     young = f"hazard.rocks=[{{site: {ridge}, age: {{kind: normal, mean: 900}}}}]"
     ran = vsr("plan", "hazard", "--site", site, "--set", young)
     assert ran.code == 2

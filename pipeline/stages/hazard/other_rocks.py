@@ -115,6 +115,9 @@ class Others(Input):
             if isinstance(one, Archived):
                 found[f"archive of {one.name}"] = keys.digest_file(one.path)
                 found["equations"] = shipped_equations.digest()
+            elif one.history:
+                ends = [stage.model_dump(mode="json") for stage in one.history]
+                found[f"stages of {one.name}"] = keys.digest(ends)
         return found
 
     @property
