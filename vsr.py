@@ -31,6 +31,7 @@ from pipeline.workflow.cluster import GUARDED
 from pipeline.workflow.command_line import parsed
 from pipeline.workflow.jobs import job_of
 from pipeline.workflow.log import complain
+from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.stage import Job
 
 if TYPE_CHECKING:
@@ -143,13 +144,15 @@ def run(
         made = study_of_sweep if study_of_sweep.exists() else own
         words += ["--derived", str(folder.absolute())]
         if product != "validation":
-            in_notebook.MADE[made.resolve()] = partial(_replayed, file, words, _runs_of(job))
+            of = "" if made == study_of_sweep else DELIVERABLES[product].stage
+            replayed = partial(_replayed, file, words, of, _key(of, job))
+            in_notebook.MADE[made.resolve()] = replayed
         return xarray.load_dataset(made)
 
 
-def _runs_of(job: Job) -> str:
-    """Key of the runs that some settings and files stand for."""
-    return graph.identities("runs", job.site, to_make=False)["runs"].key
+def _key(stage: str, job: Job) -> str:
+    """What some settings and files stand for; nothing of a sweep."""
+    return graph.identities(stage, job.site, to_make=False)[stage].key if stage else ""
 
 
 def _written(folder: Path, name: str, site: Settings) -> Path:
@@ -181,13 +184,15 @@ def _is_of_content(path: Path) -> bool:
         return False
 
 
-def _replayed(file: Callable[[], object], words: list[str], runs: str, **coordinates: Any) -> Path:
+def _replayed(
+    file: Callable[[], object], words: list[str], stage: str, key: str, **coordinates: Any
+) -> Path:
     """Page that replays a run of what was made of a file with some words of the command line."""
     at = (f"--{name.replace('_', '-')}={value}" for name, value in coordinates.items())
     with _ONE_AT_A_TIME:
         file()  # which may have the content of another site by now
         options = parsed(["replay", *words, *at])
-        if _runs_of(job_of(options)) != runs:
+        if _key(stage, job_of(options)) != key:
             given = "other files or settings than those of this dataset, or another working folder"
             rule, remedy = "a run is replayed as it was in its dataset", "make the dataset again"
             raise InputError(Problem("vsr.replay", words[1], given, rule, remedy))

@@ -298,19 +298,24 @@ class _Making:
             raise InputError(
                 Problem(str(folder), "", given, rule, "give the same command again")
             ) from None
-        _check_unedited(own, job)
+        _check_unedited(stage, own, job)
         if settles:
             site_folder.settle(job)
         keep(stage.name, own, product, job.store)
         return f"{stage.name}: {product.summary}"
 
 
-def _check_unedited(own: Identity, job: Job) -> None:
+def _check_unedited(stage: Stage, own: Identity, job: Job) -> None:
     """Refuse what was made of files of which some are not those of its key any more."""
-    known = own.facts["inputs"]
-    edited = [name for name, digest in _digests(own.inputs).items() if known[name] != digest]
+    of_pages = {name: own.facts["inputs"][name] for name in stage.files}
+    check_same(own, {"inputs": _digests(own.inputs) | of_pages}, job)
+
+
+def check_same(own: Identity, now: dict[str, Any], job: Job) -> None:
+    """Refuse what is made of other than its key stands for, as facts say by now."""
+    edited = [*differences(own.facts, own.facts | now)]
     if edited:
-        given = f"{listed(edited)} edited while a command that reads it was at work"
+        given = f"{listed(edited)} while a command that reads it was at work"
         rule = "files stay as they are until their command has ended"
         remedy = "give the same command again"
         raise InputError(Problem(job.site.file, "", given, rule, remedy))

@@ -82,6 +82,7 @@ def make(swept: Swept) -> int:
     if any(graph.why(COMPARISON, wanted, swept.job.store)):
         swept.job.store.open()
         product: Product = named(COMPARISON.make)(swept, wanted.key)
+        graph.check_same(wanted, _wanted(swept).facts, swept.job)
         graph.keep(COMPARISON.name, wanted, product, swept.job.store)
         swept.job.log(f"study: {product.summary}")
     return unresolved

@@ -469,3 +469,30 @@ def test_a_scan_that_is_written_while_it_is_read_makes_nothing(
     scan.write_bytes(scans[0])
     assert vsr("run", "rock", "--site", site).code == 0
     assert xr.load_dataset(derived / "rock" / "rock.nc").attrs["mass_kg"] == pytest.approx(4000.0)
+
+
+def test_a_study_whose_scan_is_written_over_is_not_compared(
+    tmp_path: Path,
+    vsr: Callable[..., Ran],
+    write_site: Callable[..., str],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Between its members, each of which is right by itself."""
+    site = write_site("rock: {shape: mesh, mesh: scan.ply, density: 2000}\n")
+    scan, study = tmp_path / "scan.ply", tmp_path / "study.yaml"
+    study.write_text("sweep: {mass: {rock.density: [2000, 2500]}}\n")
+    trimesh.creation.box((1.0, 1.0, 2.0)).export(scan)
+    make, done = graph.make, []
+
+    def made_and_written(stage: str, job: Any) -> int:
+        unresolved = make(stage, job)
+        done.append(stage)
+        trimesh.creation.box((1.0, 1.0, 3.0)).export(scan)
+        return unresolved
+
+    monkeypatch.setattr(graph, "make", made_and_written)
+    ran = vsr("run", "rock", "--site", site, "--study", study)
+    assert (ran.code, done) == (2, ["rock", "rock"])
+    assert "while a command that reads it was at work" in ran.err
+    assert not (derived / "rock" / "studies" / "study" / "study.nc").exists()

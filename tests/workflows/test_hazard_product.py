@@ -13,6 +13,7 @@ import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,7 +24,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from pipeline import ROOT, cli
+from pipeline import ROOT, cli, commands
 from pipeline.config.layers import load_site
 from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, answered
 from pipeline.stages.hazard import hazard as stage
@@ -1045,6 +1046,40 @@ def test_another_rock_has_the_stages_of_its_own_file(
     assert ran.code == 2
     assert "ridge.yaml" in ran.err
     assert "hazard.history" in ran.err
+
+
+def test_products_of_another_rock_as_it_was_are_not_taken(
+    vsr: Callable[..., Ran],
+    write_site: Callable[..., str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its file, or one among the curves, is edited once the work has begun."""
+    write_site(BOX + GRID, name="other")
+    curves = tmp_path / "curves"
+    shutil.copytree(CURVES, curves)
+    hazard = HAZARD.split(", compare")[0].replace(str(CURVES), str(curves))
+    rocks = ", compare: [], rocks: [{site: other.yaml, age: {kind: normal, mean: 900}}]}\n"
+    site = write_site(BOX + GRID + hazard + rocks)
+    page = stage.page
+
+    def later(*given: Any) -> Any:
+        (curves / "notes.csv").write_text("later\n")
+        return page(*given)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(stage, "page", later)
+        ran = vsr("run", "hazard", "--site", site, "--workers", 0)
+    assert ran.code == 2
+    assert "file notes.csv new while a command" in ran.err
+    (curves / "notes.csv").unlink()
+    write_site(BOX.replace("2110", "2500") + GRID.replace("[0, 90]", "[0, 45]"), name="other")
+    with monkeypatch.context() as patch:
+        patch.setattr(commands, "others_of", lambda job: iter(()))  # as done before the edit
+        ran = vsr("run", "hazard", "--site", site, "--workers", 0)
+    assert ran.code == 2
+    assert "fragility of other files or settings than other has by now" in ran.err
+    assert vsr("run", "hazard", "--site", site, "--workers", 0).code == 0
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import graph, keys, site_folder
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Input
+from pipeline.workflow.store import Store
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,11 @@ class Other:
         return "uncertainty" if self.uncertain else "fragility"
 
     @property
+    def key(self) -> str:
+        """Of its fragility, by its settings and files as they are."""
+        return graph.identities(self.stage, self.site)[self.stage].key
+
+    @property
     def history(self) -> History:
         """When its stages ended."""
         return self.site.config.hazard.history
@@ -79,6 +85,12 @@ class Other:
         own : Path, of the site's own products
         """
         folder = self.folder(own)
+        manifest = Store(folder).manifest(self.stage)
+        if manifest is None or manifest["key"] != self.key:
+            given = f"{self.stage} of other files or settings than {self.site.name} has by now"
+            rule = "files stay as they are until their command has ended"
+            remedy = "give the same command again"
+            raise InputError(Problem(str(folder), "", given, rule, remedy))
         return of_members(EnsembleData(folder).data) if self.uncertain else of_fits(Fits(folder))
 
 
@@ -107,10 +119,10 @@ class Others(Input):
 
     def digests(self) -> dict[str, str]:
         """Keys of their products, and digests of archives and their equations."""
-        found = {
-            f"{one.derived}/{one.site.name}": graph.identities(one.stage, one.site)[one.stage].key
-            for one in self.made
-        }
+        found: dict[str, str] = {}
+        for place, made in enumerate(self.made):
+            name = f"{made.derived}/{made.site.name}"
+            found[f"{name} ({place})" if name in found else name] = made.key
         for one in self.rocks:
             if isinstance(one, Archived):
                 found[f"archive of {one.name}"] = keys.digest_file(one.path)

@@ -96,11 +96,13 @@ def column(name: str, place: int = 1) -> Record:
 
 def test_columns_u_and_v_may_be_horizontal() -> None:
     level = "u,v,V,acc_x,vel,up-stream,x (up),along-dip down,GBZ_180,GBZ 000,H1 (Az 90),acc_ver2"
-    for name in level.split(","):
+    level += ",THZ_E,MLZ 90,GNZ 000,AZ_PFO_HNE,H1 Az N60E,Down hole 090,DN_090,VER 090,x (z up)"
+    for name in (*level.split(","), "East (Z down)", "Az 45"):
         check_together({"x": column(name)})
     for name in (
         *("z [m/s2]", "acc_z", "acceleration_UD", "vert acc", "up (1)", "a (Z)", "accz", "acc_up"),
         *("acc up", "a_down", "Up-Down", "UP/DOWN", "up_down (g)", "accelerationZ", "hnz", "az"),
+        *("az1", "az 1", "zacc", "UpDn", "Up m/s^2", "HNZ 10", "THZ_Z", "acc_up m/s2"),
     ):
         assert "which is vertical" in refusal(x=column(name))
 

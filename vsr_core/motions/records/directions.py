@@ -10,19 +10,25 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Direction, Record
 
 _VERTICAL = re.compile(
-    "UP(DO(WN)?|WARDS?)|VER|(VE?RTC?|VERTI[CK]ALE?|UD|[A-HLMO-VX][GHLN]Z|(ACC(EL(ERATION)?)?)?Z)[0-9]?",
+    "UP(DO(WN)?|DN|WARDS?)|VER|ZACC|"
+    "(VE?RTC?|VERTI[CK]ALE?|UD|[A-HLMO-VX][GHLN]Z|(ACC(EL(ERATION)?)?)?Z)[0-9]?",
     re.IGNORECASE,
 )
 """Names of vertical channels: of networks' files, SEED's codes, and of columns."""
 
-_UP, _DOWN = (re.compile(f"({words})[0-9]?", re.IGNORECASE) for words in ("UP", "DOWN|DN|DWN"))
+_UP, _DOWN, _AZ = (
+    re.compile(f"({words})[0-9]?", re.IGNORECASE) for words in ("UP", "DOWN|DN|DWN", "AZ")
+)
 
 _LEVEL = re.compile(
-    "[XYNESWRT]|NS|EW|NORTH|SOUTH|EAST|WEST|ALONG|ACROSS|RADIAL|TRANSVERSE|LONGITUDINAL|LATERAL"
+    "[XYNESWRT]|NS|EW|[A-HLMO-VX][GHLN][ENRTXY12]|[0-3][0-9]{2}|90|[NS][0-9]{1,2}[EW]"
+    "|NORTH|SOUTH|EAST|WEST|ALONG|ACROSS|RADIAL|TRANSVERSE|LONGITUDINAL|LATERAL"
     "|DIP|STRIKE|FAULT|SLOPE|HILL|STREAM|RIVER|VALLEY|CANYON",
     re.IGNORECASE,
 )
-"""Words beside which up and down are a way along a horizontal axis."""
+"""Words of a horizontal direction, beside which others are a station's, or a way along it."""
+
+_UNIT = re.compile(r"\bc?m/s\S*")
 
 _AFTER = re.compile(r"\s*[(\[][^(\[]*[)\]]$")
 """A unit after a name, or the number of a sensor among others in its direction."""
@@ -106,13 +112,14 @@ def _is_vertical(name: str) -> bool:
     >>> [_is_vertical(name) for name in ("V", "x (up)", "up-dip", "GBZ_180", "H1 (Az 90)")]
     [False, False, False, False, False]
     """
-    whole, words = _plain(name), _words(name)
-    if any(map(_VERTICAL.fullmatch, (whole, *words))):
+    words = _words(name)
+    if _VERTICAL.fullmatch(_plain(name)):
         return True
-    ways = [word for word in words if _UP.fullmatch(word) or _DOWN.fullmatch(word)]
-    if "AZ" in map(str.upper, words):  # the acceleration along z, or an azimuth of so much
-        return not any(map(str.isdecimal, words))
-    return bool(ways) and not any(map(_LEVEL.fullmatch, words))
+    if any(map(_LEVEL.fullmatch, words)):
+        return False
+    numbers = [word for word in words if word.isdecimal() and len(word) > 1]
+    known = (_VERTICAL, _UP, _DOWN) if numbers else (_VERTICAL, _UP, _DOWN, _AZ)  # an azimuth
+    return any(one.fullmatch(word) for one in known for word in words)
 
 
 def _points_down(name: str) -> bool:
@@ -131,11 +138,11 @@ def _plain(name: str) -> str:
     >>> _plain("U/D [g]"), _plain("-UP"), _plain("047")
     ('UD', 'UP', '047')
     """
-    return _BETWEEN.sub("", _AFTER.sub("", name))
+    return _BETWEEN.sub("", _AFTER.sub("", _UNIT.sub("", name)))
 
 
 def _words(name: str) -> list[str]:
-    return re.findall(r"[^\W_]+", name)
+    return re.findall(r"[^\W_]+", _UNIT.sub("", name))
 
 
 def _told(components: Mapping[str, Record]) -> dict[str, Direction]:
