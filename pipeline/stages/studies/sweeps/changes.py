@@ -146,8 +146,11 @@ def _interval(data: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
 def filled(data: xr.Dataset) -> xr.Dataset:
     """Boundaries also on rows that were not run, straight between neighbours in the logarithms.
 
-    Motions of another kind may have a PGV/PGA between those of a grid.
+    Motions of another kind may have a PGV/PGA between those of a grid; between two records there is
+    no third.
     """
+    if "record" in data and bool((data["record"] != "").any()):
+        return data
     ran = (data["outcome"] >= 0).any([dim for dim in data["outcome"].dims if dim != "pgv_pga"])
     if "pgv_pga" not in data.dims or bool(ran.all()):
         return data

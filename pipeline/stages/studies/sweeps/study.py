@@ -164,7 +164,7 @@ def _member(swept: Swept, place: tuple[int, ...]) -> xr.Dataset:
     if "record" in data.dims:
         ratio = data["pgv_pga"] if "pgv_pga" in data else data["record_pgv_pga"]
         data = data.assign(record_pgv_pga=ratio.variable)
-        data["pgv_pga"] = ("record", _apart(ratio.values), ratio.attrs)
+        data["pgv_pga"] = ("record", ratio.values)
         data = data.swap_dims(record="pgv_pga").reset_coords("record")
     if "yaw" in data.dims and job.store.manifest("rock"):
         data = data.merge(_rock(job, data["yaw"]))
@@ -185,17 +185,21 @@ def _apart(ratios: Array) -> Array:
 
 
 def _by_record(parts: list[xr.Dataset], reference: int) -> list[xr.Dataset]:
-    """Members with the rows of the reference, where all have the same records.
+    """Members whose rows are those of the same records, at the PGV/PGA of the reference.
 
     A record processed otherwise has a PGV/PGA that is a little different, and is the same record.
     """
-    names = [part["record"].values.tolist() if "record" in part else [] for part in parts]
-    wanted, ratio = names[reference], parts[reference].get("pgv_pga")
-    if not wanted or any(sorted(one) != sorted(wanted) for one in names):
-        return parts
+    ratios: dict[str, float] = {}
+    for part in (parts[reference], *parts):
+        if "record" in part:
+            rows = zip(part["record"].values.tolist(), part["pgv_pga"].values, strict=True)
+            ratios = dict(rows) | ratios
+    at = dict(zip(ratios, _apart(np.array([*ratios.values()])), strict=True))
     return [
-        part.isel(pgv_pga=[*map(own.index, wanted)]).assign_coords(pgv_pga=ratio)
-        for part, own in zip(parts, names, strict=True)
+        part.assign_coords(pgv_pga=[at[name] for name in part["record"].values.tolist()])
+        if "record" in part
+        else part
+        for part in parts
     ]
 
 
