@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import commands
+from pipeline.cli import renew_index
 from pipeline.config.outside import content
 from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError as InputError
@@ -32,7 +33,6 @@ from pipeline.workflow.command_line import parsed
 from pipeline.workflow.jobs import job_of
 from pipeline.workflow.log import complain
 from pipeline.workflow.products import DELIVERABLES
-from pipeline.workflow.stage import Job
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -145,14 +145,10 @@ def run(
         words += ["--derived", str(folder.absolute())]
         if product != "validation":
             of = "" if made == study_of_sweep else DELIVERABLES[product].stage
-            replayed = partial(_replayed, file, words, of, _key(of, job))
-            in_notebook.MADE[made.resolve()] = replayed
+            key = (job.store.manifest(of) or {"key": ""})["key"] if of else ""
+            in_notebook.MADE[made.resolve()] = partial(_replayed, file, words, of, key)
+        renew_index(folder)
         return xarray.load_dataset(made)
-
-
-def _key(stage: str, job: Job) -> str:
-    """What some settings and files stand for; nothing of a sweep."""
-    return graph.identities(stage, job.site, to_make=False)[stage].key if stage else ""
 
 
 def _written(folder: Path, name: str, site: Settings) -> Path:
@@ -192,7 +188,11 @@ def _replayed(
     with _ONE_AT_A_TIME:
         file()  # which may have the content of another site by now
         options = parsed(["replay", *words, *at])
-        if _key(stage, job_of(options)) != key:
+        if not stage:
+            rule = "a run of one rock is replayed"
+            remedy = "make one member, with what is swept as a setting of its own"
+            raise InputError(Problem("vsr.replay", words[1], "a dataset of a sweep", rule, remedy))
+        if graph.identities(stage, job_of(options).site)[stage].key != key:
             given = "other files or settings than those of this dataset, or another working folder"
             rule, remedy = "a run is replayed as it was in its dataset", "make the dataset again"
             raise InputError(Problem("vsr.replay", words[1], given, rule, remedy))

@@ -35,7 +35,7 @@ def main(arguments: list[str] | None = None) -> int:
         commands = importlib.import_module("pipeline.commands").COMMANDS
         unresolved = commands[options.verb](options)
         if options.verb in MAKING:
-            _renew_index(options.derived)
+            renew_index(options.derived)
         return UNRESOLVED if unresolved else DONE
     except InputError as error:
         return _refused(error)
@@ -101,7 +101,7 @@ def _begin_log(options: argparse.Namespace) -> None:
         raise InputError(Problem("--log-file", "", given, rule, "give another path")) from error
 
 
-def _renew_index(derived: Path) -> None:
+def renew_index(derived: Path) -> None:
     """Renew the index of all results; what is wrong with it is told and decides nothing."""
     try:
         importlib.import_module("pipeline.workflow.front_page").renew(derived)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import multiprocessing
 import signal
@@ -16,7 +17,7 @@ from functools import partial
 from multiprocessing import resource_tracker
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, cast
 
 from pipeline.config.outside import check_regular
 from pipeline.config.problems import InputError, Problem
@@ -267,12 +268,13 @@ def _local_cluster(workers: int) -> Any:
 
 def _of_a_setting(error: Exception) -> Exception:
     """What Dask meets when it first uses a setting that it cannot; else the same error."""
-    cause: BaseException = error
-    while not isinstance(cause, _OF_A_SETTING):
-        further = cause.__cause__ or cause.__context__  # where a worker's nanny met it
-        if further is None:
-            break
-        cause = further
+    causes: list[BaseException] = [error]
+    while further := causes[-1].__cause__ or causes[-1].__context__:
+        causes.append(further)  # where a worker's nanny met it
+    for cause in causes:
+        if isinstance(cause, MemoryError) or getattr(cause, "errno", None) in _TOO_LITTLE:
+            return cast(Exception, cause)
+    cause = next((one for one in causes if isinstance(one, _OF_A_SETTING)), causes[-1])
     if isinstance(cause, _OF_A_SETTING) or dask_is_set():
         return unread("Dask", cause, MEND_DASK)
     if isinstance(error, RuntimeError):
@@ -280,6 +282,8 @@ def _of_a_setting(error: Exception) -> Exception:
         return InputError(Problem("worker processes", "", given, GUARDED, remedy))
     return error
 
+
+_TOO_LITTLE = errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC  # told wherever they are met
 
 GUARDED = (
     'each imports the script that starts them, which has its calls below if __name__ == "__main__":'

@@ -240,8 +240,9 @@ def test_draws_are_searched_from_the_site_at_the_friction_nearest_to_theirs(
         asked.append(wanted)
         return ensemble.outcomes(wanted)
 
-    def bands(dataset: xr.Dataset, responses: xr.Dataset) -> None:
+    def bands(dataset: xr.Dataset, responses: xr.Dataset) -> Figure:
         shown.append(responses)
+        return Figure()
 
     monkeypatch.setattr(uncertainty, "outcomes", outcomes)
     monkeypatch.setattr(uncertainty.page, "bands", bands)

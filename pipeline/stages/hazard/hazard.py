@@ -107,7 +107,8 @@ def make(
     results = all_cases[0].results
     found = dataset(analysis, results, by_member, all_cases)
     facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves.about)
-    facts["earthquakes"] = years_observed(observed) if drawn else 0
+    others = [*beside.earlier, *(o for one in beside.rocks for o in (one, *one.earlier))]
+    facts["earthquakes"] = sum(map(years_observed, [seen, *(one.observed for one in others)]))
     facts["history"] = [
         {"rock": of, "name": Path(one.site).stem, "until": of_age(one.until), "age": one.until}
         for of, stages in ((name, config.history), *((o.name, o.history) for o in beside.rocks))

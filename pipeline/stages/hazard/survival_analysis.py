@@ -142,7 +142,7 @@ class SurvivalAnalysis:
 
     @cached_property
     def mean_shaking(self) -> Shaking:
-        """That of the prior mean of the branches, as the only one."""
+        """That of the prior mean of the branches."""
         return self.shaking.mean(self.weights)
 
     @cached_property
@@ -163,8 +163,7 @@ class SurvivalAnalysis:
     def _of_others(self, rock: DatedRock, standing: Standing) -> list[Standing]:
         """A rock with each of its draws, or with all fits at either end of their intervals.
 
-        What is unknown of a rock stays through its stages; one without draws has its mean beside
-        the draws of others, of the rock or of another.
+        What is unknown stays through its stages; one without draws has its mean beside others'.
         """
         if self.drawn and not rock.drawn:
             return [standing]
@@ -184,21 +183,25 @@ class SurvivalAnalysis:
 
     @property
     def drawn(self) -> bool:
-        """Whether the others are draws, of which one is the rock, and not ends of intervals."""
+        """Whether the others are draws, of which one is the rock."""
         return any(rock.drawn for rock in self.rocks)
+
+    @cached_property
+    def _each(self) -> list[list[Standing]]:
+        """Each rock by itself with each of its other fragilities."""
+        return [self._of_others(*both) for both in zip(self.rocks, self.standing, strict=True)]
 
     @cached_property
     def others(self) -> list[list[Standing]]:
         """The rocks with each of their other fragilities.
 
-        Several rocks have the others in turn, the fewer again from the first. Of two ensembles the
-        members are paired at random, as what is unknown of two rocks is not the same.
+        The fewer come again, spread over all of them: those of an archive go from weak to strong.
+        Members are paired at random, as what is unknown of two rocks is not the same.
         """
-        each = [self._of_others(*both) for both in zip(self.rocks, self.standing, strict=True)]
-        number = max(map(len, each))
+        number = max(map(len, self._each))
         rng, turns = np.random.default_rng(1), []
-        for rock, own in zip(self.rocks, each, strict=True):
-            turn = np.resize(np.arange(len(own)), number)
+        for rock, own in zip(self.rocks, self._each, strict=True):
+            turn = np.arange(number) * len(own) // number
             paired = rock is self.rocks[0] or not rock.drawn
             turns.append([own[i] for i in (turn if paired else rng.permutation(turn))])
         return [list(rocks) for rocks in zip(*turns, strict=True)]
@@ -221,8 +224,7 @@ class SurvivalAnalysis:
     def survival(self, rates: Rates) -> Array:
         """Probability that all rocks stand under each branch, shape (branches,).
 
-        What is not known of a rock stays as it is through all earthquakes: of draws it is the mean
-        of their survivals.
+        Of draws it is the mean of theirs, as what is unknown stays through all earthquakes.
         """
         if self.drawn:
             return np.asarray(self._with_each(rates).mean(axis=0))
@@ -233,8 +235,7 @@ class SurvivalAnalysis:
         return float(self.survival(self.mean_shaking.times(factor).rates)[0])
 
     def _alone(self, rock: int) -> list[Standing]:
-        drawn = self.rocks[rock].drawn
-        return [rocks[rock] for rocks in self.others] if drawn else [self.standing[rock]]
+        return self._each[rock] if self.rocks[rock].drawn else [self.standing[rock]]
 
     def survival_alone(self, rock: int) -> Array:
         """Probability that one of the rocks stands under each branch, shape (branches,)."""

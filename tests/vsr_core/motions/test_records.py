@@ -704,6 +704,8 @@ def test_resampling_is_band_limited() -> None:
         (0.0009766, 100.0, 256, 25),
         (0.0048828, 100.0, 256, 125),
         (0.0166667, 50.0, 6, 5),
+        (0.003906, 100.0, 64, 25),
+        (0.003333, 200.0, 3, 2),
         (0.03, 100.0, 1, 3),
     ):
         _, step = processing.resampled(tone, interval, rate)
@@ -719,6 +721,9 @@ def test_an_offset_is_no_shaking() -> None:
     for order in of:
         assert np.abs(process(wave + 1e-4, 0.01, of[order]).velocity).max() > 0.02
     refusal(lambda: process(wave + 0.3, 0.01, of["paper"]), "offset of 60 %", "order: standard")
+    burst = np.zeros(1000)
+    burst[200:600] = np.abs(wave[2000:2400])  # with a velocity left, and at rest at its ends
+    process(burst, 0.01, of["paper"])
     plain, moved = (process(one, 0.01, of["standard"]) for one in (wave, wave + 0.3))
     np.testing.assert_allclose(moved.velocity, plain.velocity, atol=1e-12)
 

@@ -102,7 +102,10 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
 
 
 def _check_offset(acceleration: Array, interval: float, how: Processing, passed: Array) -> None:
-    offset = float(acceleration.mean())
+    few = max(len(acceleration) // 50, 1)
+    ends = acceleration[np.r_[:few, -few:0]].mean()  # shaking may have a mean, but not at its ends
+    mean = acceleration.mean()
+    offset = float(min(mean, ends, key=abs)) if mean * ends > 0.0 else 0.0
     of_offset = _passed(np.full_like(acceleration, offset), interval, how)
     own, whole = (float(np.abs(Trace(one, interval).velocity).max()) for one in (of_offset, passed))
     if own > MOST_OF_OFFSET * whole:
@@ -187,8 +190,8 @@ def with_level_baseline(acceleration: Array, interval: float) -> Array:
     return level
 
 
-_WRITTEN = 6e-5
-"""Share by which time steps are written off a rate in tenths, rounded: .0009766 s of 1/1024."""
+_WRITTEN = 1.1e-4
+"""Share by which time steps are written off a rate in tenths, rounded: .003333 s of 1/300."""
 
 _LARGEST_PART = 1000
 """Of the ratio of two rates, of whole numbers."""

@@ -206,6 +206,21 @@ def test_draws_that_observations_chose_repeatedly_make_no_error_smaller() -> Non
     assert error[2] == pytest.approx(error[0] / math.sqrt(7.0))
 
 
+def test_fewer_draws_come_again_spread_over_all_of_them() -> None:
+    """64 from weak to strong, as of an archive, beside 96 of a rock that nothing topples."""
+    weak_to_strong, rate, years = np.geomspace(0.2, 0.9, 64), 1e-4, np.array([1000.0])
+    safe, archived = ensemble([1.9] * 96), ensemble(weak_to_strong.tolist(), 200)
+    analysis = of_curves(
+        model(rate), DatedRock("safe", safe, years), DatedRock("old", archived, years)
+    )
+    alone = of_curves(model(rate), DatedRock("old", archived, years)).results().survival
+    np.testing.assert_allclose(analysis.survival_alone(1), alone, rtol=1e-12)
+    beside = of_curves(model(rate), DatedRock("safe", safe, years)).results().survival
+    joint = analysis.results().survival
+    assert beside * alone < joint
+    np.testing.assert_allclose(joint, alone, rtol=0.03)
+
+
 def test_a_stage_whose_draws_nothing_chose_hides_no_repeats() -> None:
     """All is of the present stage: that before it lasted a day."""
     own, before = ensemble([0.3, 0.6] * 4, seeds=[1, 2] * 4), ensemble([0.5] * 8)
