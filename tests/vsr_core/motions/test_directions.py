@@ -102,7 +102,18 @@ def test_columns_u_and_v_may_be_horizontal() -> None:
     for name in (
         *("z [m/s2]", "acc_z", "acceleration_UD", "vert acc", "up (1)", "a (Z)", "accz", "acc_up"),
         *("acc up", "a_down", "Up-Down", "UP/DOWN", "up_down (g)", "accelerationZ", "hnz", "az"),
-        *("az1", "az 1", "zacc", "UpDn", "Up m/s^2", "HNZ 10", "THZ_Z", "acc_up m/s2"),
+        *(
+            "az1",
+            "az 1",
+            "zacc",
+            "UpDn",
+            "Up m/s^2",
+            "HNZ 10",
+            "THZ_Z",
+            "acc_up m/s2",
+            "z_001",
+            "UD 002",
+        ),
     ):
         assert "which is vertical" in refusal(x=column(name))
 

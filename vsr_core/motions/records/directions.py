@@ -10,23 +10,27 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Direction, Record
 
 _VERTICAL = re.compile(
-    "UP(DO(WN)?|DN|WARDS?)|VER|ZACC|"
-    "(VE?RTC?|VERTI[CK]ALE?|UD|[A-HLMO-VX][GHLN]Z|(ACC(EL(ERATION)?)?)?Z)[0-9]?",
+    "UP(DO(WN)?|DN|WARDS?)|ZACC|(UP|VE?RTC?|VERTI[CK]ALE?|UD|(ACC(EL(ERATION)?)?)?Z)[0-9]?",
     re.IGNORECASE,
 )
-"""Names of vertical channels: of networks' files, SEED's codes, and of columns."""
+"""Names of vertical channels: of networks' files, and of columns."""
+
+_OF_CHANNEL = re.compile("VER|(DOWN|DN|DWN|[A-HLMO-VX][GHLN]Z)[0-9]?", re.IGNORECASE)
+"""More of them, SEED's among them, which beside an azimuth are a station's, or a hole's."""
 
 _UP, _DOWN, _AZ = (
     re.compile(f"({words})[0-9]?", re.IGNORECASE) for words in ("UP", "DOWN|DN|DWN", "AZ")
 )
 
 _LEVEL = re.compile(
-    "[XYNESWRT]|NS|EW|[A-HLMO-VX][GHLN][ENRTXY12]|[0-3][0-9]{2}|90|[NS][0-9]{1,2}[EW]"
+    "[XYNESWRT]|NS|EW|[A-HLMO-VX][GHLN][ENRTXY12]"
     "|NORTH|SOUTH|EAST|WEST|ALONG|ACROSS|RADIAL|TRANSVERSE|LONGITUDINAL|LATERAL"
     "|DIP|STRIKE|FAULT|SLOPE|HILL|STREAM|RIVER|VALLEY|CANYON",
     re.IGNORECASE,
 )
-"""Words of a horizontal direction, beside which others are a station's, or a way along it."""
+"""Words of a horizontal direction, beside which up and down are a way along it."""
+
+_AZIMUTH = re.compile("[0-3][0-9]{2}|90|[NS][0-9]{1,2}[EW]", re.IGNORECASE)
 
 _UNIT = re.compile(r"\bc?m/s\S*")
 
@@ -112,13 +116,16 @@ def _is_vertical(name: str) -> bool:
     >>> [_is_vertical(name) for name in ("V", "x (up)", "up-dip", "GBZ_180", "H1 (Az 90)")]
     [False, False, False, False, False]
     """
-    words = _words(name)
-    if _VERTICAL.fullmatch(_plain(name)):
+    whole, words = _plain(name), _words(name)
+    if _VERTICAL.fullmatch(whole) or _OF_CHANNEL.fullmatch(whole):
         return True
     if any(map(_LEVEL.fullmatch, words)):
         return False
-    numbers = [word for word in words if word.isdecimal() and len(word) > 1]
-    known = (_VERTICAL, _UP, _DOWN) if numbers else (_VERTICAL, _UP, _DOWN, _AZ)  # an azimuth
+    known = [_VERTICAL]
+    if not any(map(_AZIMUTH.fullmatch, words)):
+        known += [_OF_CHANNEL]
+        if not any(len(word) > 1 and word.isdecimal() for word in words):
+            known += [_AZ]  # the acceleration along z, and no azimuth
     return any(one.fullmatch(word) for one in known for word in words)
 
 
