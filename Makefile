@@ -154,7 +154,7 @@ figures: setup ## every figure of the paper and its table, and which of its clai
 #: RECORD=file            recorded motion for Fig. 7, in place of the samples
 
 ## The project
-.PHONY: setup setup-dev test coverage test-slow mutants lint check format options docs docs-links bench release lock clean
+.PHONY: setup setup-dev setup-lint test coverage test-slow mutants lint check format options docs docs-links bench release lock clean
 test: setup-dev ## tests of some minutes at most
 	$(call run,pytest -n auto --dist loadfile)
 
@@ -169,7 +169,7 @@ mutants: setup-dev ## which of some 100 faults, put in one by one, the tests not
 
 check: lint test ## lint, format, types and tests
 
-lint: setup-dev ## lint, format and types only
+lint: setup-lint ## lint, format and types only
 	$(call run,ruff check)
 	$(call run,ruff format --check)
 	$(call run,mypy)
@@ -205,3 +205,6 @@ setup: ## make .venv now, as every target does when it is missing or stale
 
 setup-dev: ## add to .venv what tests and checks need
 	@scripts/setup.sh dev
+
+setup-lint: ## the same, but the machine code of runs
+	@scripts/setup.sh lint

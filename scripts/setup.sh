@@ -2,7 +2,8 @@
 # Makes .venv from the locks where it is missing or stale; returns at once where it is fresh.
 #
 #   scripts/setup.sh                    what a run needs: requirements.lock
-#   scripts/setup.sh dev                and what tests and checks need: requirements-dev.lock
+#   scripts/setup.sh lint               and what tests and checks need: requirements-dev.lock
+#   scripts/setup.sh dev                and the machine code of runs, made now
 #   scripts/setup.sh lock [--upgrade]   make both locks from pyproject.toml
 #
 # Exit 0 ready, 1 an installation failed, 2 something to install first. Python is $PYTHON if set,
@@ -188,10 +189,11 @@ lock() {
 # Packages of other installations (a sourced ROS, say) must not pass for those of the lock.
 unset PYTHONHOME PYTHONPATH PYTHONDONTWRITEBYTECODE PIP_USER PIP_TARGET PIP_PREFIX
 uv=unsought
-steps=(environment project engine)
 case ${1-} in
   lock) lock "${@:2}" && exit ;;
-  dev) steps+=(dev) ;;
+  lint) steps=(environment project dev) ;;
+  dev) steps=(environment project dev engine) ;;
+  *) steps=(environment project engine) ;;
 esac
 ready && exit
 

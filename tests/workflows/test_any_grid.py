@@ -11,6 +11,8 @@ from pipeline.workflow import graph
 from pipeline.workflow.datasets import read
 from pipeline.workflow.jobs import job_of
 
+pytestmark = pytest.mark.slow
+
 EVERY = np.round(np.linspace(0.02, 1.0, 50), 12)
 GRIDS = {"12": 12, "25": 25, "50": 50, "auto": 50}
 """Rows of each grid, and its PGAs."""

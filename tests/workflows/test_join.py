@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -11,10 +12,10 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from conftest import Ran
+from conftest import STEP, Ran
 from support.dask_processes import Farm
 
-from pipeline import ROOT
+from pipeline import ROOT, cli
 from pipeline.workflow.rows import Layout, RunRow
 from pipeline.workflow.run_store import RUNS
 
@@ -27,20 +28,28 @@ yaw: [0, 40, 90]
 Vsr = Callable[..., Ran]
 
 
-@pytest.fixture
-def site(write_site: Callable[..., str]) -> str:
-    return write_site(SITE)
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("site") / "rock.yaml"
+    path.write_text(SITE + STEP)
+    return str(path)
 
 
-@pytest.fixture
-def shards(vsr: Vsr, site: str, tmp_path: Path, quick_time_step: None) -> list[Path]:
-    """A folder for each direction; the last of them was killed before it had done half."""
-    made = []
+@pytest.fixture(scope="module")
+def clients(site: str, tmp_path_factory: pytest.TempPathFactory, quick_time_step: None) -> Path:
+    """A folder of each direction."""
+    folder = tmp_path_factory.mktemp("clients")
     for yaw in (0, 40, 90):
-        into = tmp_path / f"client {yaw}"
-        settings = ("--set", f"yaw=[{yaw}]", "--workers", "0")
-        assert vsr("run", "boundary", "--site", site, *settings, into=into).code == 0
-        made += [path.parent for path in into.glob(f"*/{RUNS}")]
+        own = ["--set", f"yaw=[{yaw}]", "--derived", str(folder / f"client {yaw}")]
+        assert cli.main(["run", "boundary", "--site", site, "--workers", "0", *own]) == 0
+    return folder
+
+
+@pytest.fixture
+def shards(clients: Path, tmp_path: Path) -> list[Path]:
+    """These folders; the last of them was killed before it had done half."""
+    shutil.copytree(clients, tmp_path, dirs_exist_ok=True)
+    made = [path.parent for path in sorted(tmp_path.glob(f"client */*/{RUNS}"))]
     with closing(sqlite3.connect(made[-1] / RUNS)) as database:
         database.execute("DELETE FROM runs WHERE key IN (SELECT key FROM runs LIMIT 8)")
         database.commit()

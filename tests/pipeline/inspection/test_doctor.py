@@ -13,6 +13,7 @@ from conftest import Ran
 from pipeline import cli
 from pipeline.config.problems import InputError
 from pipeline.inspection import doctor
+from pipeline.workflow import cluster
 from vsr_core import engines
 from vsr_core.compiled import compiling
 
@@ -32,6 +33,7 @@ def test_what_is_wrong_is_told_with_its_remedy_and_the_rest_goes_on(
     vsr: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(engines, "available", lambda name: name == "nonsmooth")
+    monkeypatch.setattr(cluster, "CONNECTING", 0.5)
     ran = vsr("doctor", "--scheduler", "tcp://127.0.0.1:1")
     assert ran.code == cli.REFUSED
     assert len(ran.out.splitlines()) == len(CHECKS)
