@@ -272,6 +272,7 @@ def test_processor_changes_no_bit_of_a_run(
     assert on_processor(engine, pretended) == on_processor(engine, {})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", AND_SLOWLY_BULLET)
 def test_library_of_c_changes_no_outcome(on_processor: Callable[..., Any], engine: str) -> None:
     """Its sine may differ by a rounding where a processor cannot multiply and add at once."""

@@ -312,6 +312,7 @@ def test_a_result_that_goes_with_its_worker_is_made_again(tmp_path: Path) -> Non
     assert len(list(tmp_path.iterdir())) == 3
 
 
+@pytest.mark.slow
 def test_deadly_items_are_found_while_the_others_go_on() -> None:
     """Two items that kill their process; only the workers that first met them are lost."""
     deadly = {17, 203}

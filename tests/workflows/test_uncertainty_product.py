@@ -153,6 +153,7 @@ def test_what_the_rule_spares_is_counted_where_it_is_wrong(
     assert (np.diff(every["surface"].values, axis=1) >= 0.0).all()
 
 
+@pytest.mark.slow
 def test_density_as_a_whole_is_nothing_to_a_rock(
     vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -299,6 +300,7 @@ def hill(
     return write_site(HILL.replace("POINT", point).replace("NORMAL", str(up.tolist())))
 
 
+@pytest.mark.slow
 def test_nothing_unknown_of_a_rock_on_its_seat_is_the_site_itself(
     vsr: Callable[..., Any], hill: str, derived: Path
 ) -> None:

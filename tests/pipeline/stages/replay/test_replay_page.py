@@ -404,7 +404,7 @@ def test_two_runs_at_one_time(opened: Opened, pair: Path) -> None:
     assert one["position"] != two["position"]
 
 
-@pytest.mark.parametrize("name", ["alone", "pair"])
+@pytest.mark.parametrize("name", [pytest.param("alone", marks=pytest.mark.slow), "pair"])
 def test_a_phone_needs_no_sideways_scrolling(
     opened: Opened, name: str, request: pytest.FixtureRequest
 ) -> None:
