@@ -48,6 +48,9 @@ class Study:
     def data(self, name: str = "study") -> xr.Dataset:
         return xr.load_dataset(self.made / name / "study.nc", mask_and_scale=False)
 
+    def page(self, name: str) -> str:
+        return (self.made / name / "study.html").read_text(encoding="utf-8")
+
     @property
     def made(self) -> Path:
         return self.derived / "rock" / "studies"
@@ -273,6 +276,39 @@ sweep:
     page = (study.made / "study" / "study.html").read_text(encoding="utf-8")
     assert "of 2 PGV/PGA levels" in page or "At no PGV/PGA level" in page
     assert "of 3 PGV/PGA levels" not in page.partition("bounce")[0]
+
+
+def test_records_of_one_name_are_not_one_and_pulses_lie_between_none(study: Study) -> None:
+    for folder, period in (("one", 1.0), ("other", 2.0)):
+        (study.folder / folder).mkdir()
+        for number in (1, 2):
+            wave = record_files.shaking(number, 100.0, 20.0, number * period, 0.6)
+            text = record_files.csv(wave, 0.01, "a [m/s2]")
+            (study.folder / folder / f"r{number}.csv").write_text(text)
+    order = "processing: {order: standard, highpass: 0.1, lowpass: 20}"
+    study.run(f"""
+yaw: 0
+motion: {{kind: record, pga: [0.3, 0.6, 0.9, 1.2], {order}}}
+sweep: {{place: {{motion.files: [one, other]}}}}
+""")
+    ran = (study.data()["outcome"] >= 0).any(["yaw", "friction", "pga"]).values
+    assert (ran.sum(axis=1).tolist(), (ran.all(axis=0)).sum()) == ([2, 2], 0)
+    assert "No PGV/PGA level has a boundary at both" in study.page("study")
+    study.run(
+        f"""
+yaw: 0
+sweep:
+  kind:
+    motion:
+      - {{kind: record, files: one, pga: [0.3, 0.6, 0.9, 1.2], {order}}}
+      - {{kind: cosine_pulse, pga: [0.3, 0.6, 0.9, 1.2], pgv_pga: [0.15, 0.2, 0.25]}}
+""",
+        name="kinds",
+    )
+    data = study.data("kinds")
+    names = [sorted(filter(None, row.tolist())) for row in data["record"].values]
+    assert names == [["r1", "r2"], []]
+    assert "No PGV/PGA level has a boundary at both" in study.page("kinds")
 
 
 def test_any_product_can_be_swept(study: Study) -> None:

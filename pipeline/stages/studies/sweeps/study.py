@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from os.path import relpath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from pipeline.config.layers import Site
 from pipeline.config.motion_schema import is_along_x
 from pipeline.config.problems import InputError
 from pipeline.config.sweep import GRIDS, Dimension, Sweep, taken
@@ -32,6 +34,7 @@ from pipeline.stages.studies.sweeps.changes import (
 from pipeline.workflow import graph, pages, writers
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.grammar import listed
+from pipeline.workflow.keys import digest
 from pipeline.workflow.registry import upstream
 from pipeline.workflow.stage import Job, Product, Work
 from pipeline.workflow.sweeps import DATA, PAGE, Swept
@@ -140,7 +143,7 @@ def stacked(swept: Swept, work: Work) -> xr.Dataset:
     """
     sweep = swept.sweep
     parts = [_member(swept, member.place) for member in sweep.members]
-    parts = _by_record(parts, sweep.members.index(sweep.reference))
+    parts = _by_record(swept, parts)
     common = set.intersection(*(set(part.data_vars) for part in parts))
     parts = [part[[name for name in part.data_vars if name in common]] for part in parts]
     ragged = _ragged(parts)
@@ -184,23 +187,39 @@ def _apart(ratios: Array) -> Array:
     return ratios * (1.0 + 1e-9 * np.array(before))
 
 
-def _by_record(parts: list[xr.Dataset], reference: int) -> list[xr.Dataset]:
+def _by_record(swept: Swept, parts: list[xr.Dataset]) -> list[xr.Dataset]:
     """Members whose rows are those of the same records, at the PGV/PGA of the reference.
 
-    A record processed otherwise has a PGV/PGA that is a little different, and is the same record.
+    A record processed otherwise has a PGV/PGA that is a little different, and is the same record;
+    another of its name is not. Pulses are rows without a record.
     """
-    ratios: dict[str, float] = {}
-    for part in (parts[reference], *parts):
-        if "record" in part:
-            rows = zip(part["record"].values.tolist(), part["pgv_pga"].values, strict=True)
-            ratios = dict(rows) | ratios
+    if not any("record" in part for part in parts):
+        return parts
+    own = [
+        _known(swept.jobs[member.place].site, part)
+        for member, part in zip(swept.sweep.members, parts, strict=True)
+    ]
+    reference, ratios = swept.sweep.members.index(swept.sweep.reference), dict[str, float]()
+    for number in (reference, *range(len(parts))):
+        found = zip(own[number], parts[number]["pgv_pga"].values, strict=False)
+        ratios = dict(found) | ratios
     at = dict(zip(ratios, _apart(np.array([*ratios.values()])), strict=True))
     return [
-        part.assign_coords(pgv_pga=[at[name] for name in part["record"].values.tolist()])
-        if "record" in part
-        else part
-        for part in parts
+        part.assign_coords(pgv_pga=[at[record] for record in records])
+        if records
+        else part.assign(record=("pgv_pga", [""] * part.sizes["pgv_pga"]))
+        for part, records in zip(parts, own, strict=True)
     ]
+
+
+def _known(site: Site, part: xr.Dataset) -> list[str]:
+    """What tells the records of a member from others of their names: digests of their files."""
+    if "record" not in part:
+        return []
+    files = graph.identities("motions", site)["motions"].facts["inputs"]
+    of_file = {Path(name).stem: known for name, known in files.items()}
+    names: list[str] = part["record"].values.tolist()
+    return [f"{name} {of_file.get(name) or digest(files)}" for name in names]
 
 
 def _files(job: Job, stage: str) -> tuple[str, ...]:
