@@ -1020,7 +1020,7 @@ def test_a_stage_has_the_draws_of_the_rock(
 
 
 def test_another_rock_has_the_stages_of_its_own_file(
-    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
 ) -> None:
     """Beside a slab that nothing topples it survives as it does alone, and is told of."""
     write_site(BOX.replace("1.2]", "0.9]") + GRID, name="buried")
@@ -1041,6 +1041,13 @@ def test_another_rock_has_the_stages_of_its_own_file(
     text = Path(ridge).read_text(encoding="utf-8")
     Path(ridge).write_text(text.replace("mean: 1200", "mean: 300"), encoding="utf-8")
     assert "hazard: file stages of ridge edited" in vsr("why", "hazard", "--site", site).out
+    Path(ridge).write_text(text, encoding="utf-8")
+    own = f"hazard.rocks=[{{site: {ridge}, age: {age}}}]"
+    (tmp_path / "deeper").mkdir()
+    shutil.copy(tmp_path / "buried.yaml", tmp_path / "deeper" / "rock.yaml")
+    Path(ridge).write_text(text.replace("buried.yaml", "deeper/rock.yaml"), encoding="utf-8")
+    told = vsr("plan", "hazard", "--site", site, "--set", own)
+    assert (told.code, "a stage named rock" in told.err) == (2, True)
     Path(ridge).write_text(text, encoding="utf-8")
     young = f"hazard.rocks=[{{site: {ridge}, age: {{kind: normal, mean: 900}}}}]"
     ran = vsr("plan", "hazard", "--site", site, "--set", young)

@@ -150,6 +150,11 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
     earlier = _stages(hazard.history, hazard.age, origin, drawn)
     rocks = tuple(_other(rock, origin, drawn) for rock in hazard.rocks)
     named = [origin.name]
+    for stage in (stage for rock in rocks for stage in rock.earlier):
+        if stage.name == origin.name:  # whose folder would be taken for that of the site
+            rule = "each rock, and each of its stages, has a name of its own"
+            file, given = origin.file_of("hazard.rocks"), f"a stage named {stage.name}"
+            raise InputError(Problem(file, "hazard.rocks", given, rule, "rename one"))
     for key, others in (("hazard.history", earlier), ("hazard.rocks", rocks)):
         for other in others:
             if other.name in named:
