@@ -257,10 +257,10 @@ def _label(value: Any) -> str:
 
     >>> _label(0.25), _label([1, 1, 3]), _label([{"axis": "x"}, {"axis": "z", "share": 0.5}])
     ('0.25', '1 x 1 x 3', 'x, z 0.5')
-    >>> _label({"kind": "record", "files": "a.csv"}), _label(True), _label(["a/b.csv", "c/"])
-    ('record', 'true', 'b.csv x c')
+    >>> _label({"kind": "record", "files": "a.csv"}), _label("m/s2"), _label(["a/b.csv", "c/"])
+    ('record', 'm/s2', 'b.csv x c')
     """
-    if isinstance(value, str) and "/" in value:
+    if isinstance(value, str) and re.search(r"/$|/[^/]*\.[^/]*$", value):  # a path
         return value.rstrip("/").rpartition("/")[2]
     if isinstance(value, dict):
         return str(value["kind"]) if "kind" in value else " ".join(map(_label, value.values()))

@@ -113,6 +113,7 @@ def test_columns_u_and_v_may_be_horizontal() -> None:
             "acc_up m/s2",
             "z_001",
             "UD 002",
+            *("HNZ_001", "CH1_UP", "CH1 Z", "CH2 vertical"),
         ),
     ):
         assert "which is vertical" in refusal(x=column(name))

@@ -724,6 +724,11 @@ def test_an_offset_is_no_shaking() -> None:
     burst = np.zeros(1000)
     burst[200:600] = np.abs(wave[2000:2400])  # with a velocity left, and at rest at its ends
     process(burst, 0.01, of["paper"])
+    shaken = np.random.default_rng(5).normal(size=2000)  # cut from longer shaking, then padded
+    padded = np.pad(shaken + 0.1, 200)
+    for record in (shaken + 0.1, padded):
+        refusal(lambda record=record: process(record, 0.01, of["paper"]), "offset")
+    process(shaken - shaken.mean(), 0.01, of["paper"])
     plain, moved = (process(one, 0.01, of["standard"]) for one in (wave, wave + 0.3))
     np.testing.assert_allclose(moved.velocity, plain.velocity, atol=1e-12)
 

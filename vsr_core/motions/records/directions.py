@@ -23,14 +23,18 @@ _UP, _DOWN, _AZ = (
 )
 
 _LEVEL = re.compile(
-    "[XYNESWRT]|NS|EW|[A-HLMO-VX][GHLN][ENRTXY12]"
-    "|NORTH|SOUTH|EAST|WEST|ALONG|ACROSS|RADIAL|TRANSVERSE|LONGITUDINAL|LATERAL"
+    "[XYNESWRT]|NS|EW|NORTH|SOUTH|EAST|WEST|ALONG|ACROSS|RADIAL|TRANSVERSE|LONGITUDINAL|LATERAL"
     "|DIP|STRIKE|FAULT|SLOPE|HILL|STREAM|RIVER|VALLEY|CANYON",
     re.IGNORECASE,
 )
 """Words of a horizontal direction, beside which up and down are a way along it."""
 
-_AZIMUTH = re.compile("[0-3][0-9]{2}|90|[NS][0-9]{1,2}[EW]", re.IGNORECASE)
+_AZIMUTH = re.compile(
+    "000|0(0[5-9]|[1-9][0-9])|[12][0-9]{2}|3([0-5][0-9]|60)|90|[NS][0-9]{1,2}[EW]"
+    "|[A-HLMO-VX][GHLN][ENRTXY12]",
+    re.IGNORECASE,
+)
+"""And horizontal channels of SEED's: beside these, names of `_OF_CHANNEL` are a station's."""
 
 _UNIT = re.compile(r"\bc?m/s\S*")
 

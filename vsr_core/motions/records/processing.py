@@ -102,11 +102,18 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
 
 
 def _check_offset(acceleration: Array, interval: float, how: Processing, passed: Array) -> None:
-    few = max(len(acceleration) // 50, 1)
-    ends = acceleration[np.r_[:few, -few:0]].mean()  # shaking may have a mean, but not at its ends
-    mean = acceleration.mean()
-    offset = float(min(mean, ends, key=abs)) if mean * ends > 0.0 else 0.0
-    of_offset = _passed(np.full_like(acceleration, offset), interval, how)
+    known = np.flatnonzero(acceleration)
+    if not known.size:
+        return
+    of_record = slice(known[0], known[-1] + 1)  # between zeros that others put at its ends
+    samples = acceleration[of_record]
+    offset, few = float(samples.mean()), max(len(samples) // 50, 1)
+    ends = float(np.sqrt(np.square(samples[np.r_[:few, -few:0]]).mean()))
+    if ends < 0.5 * abs(offset):
+        return  # it begins and ends at rest: a mean is a velocity that is left
+    step = np.zeros_like(acceleration)
+    step[of_record] = offset
+    of_offset = _passed(step, interval, how)
     own, whole = (float(np.abs(Trace(one, interval).velocity).max()) for one in (of_offset, passed))
     if own > MOST_OF_OFFSET * whole:
         share = abs(offset) / float(np.abs(acceleration).max())
