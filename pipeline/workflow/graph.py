@@ -316,9 +316,13 @@ def check_same(own: Identity, now: dict[str, Any], job: Job) -> None:
     edited = [*differences(own.facts, own.facts | now)]
     if edited:
         given = f"{listed(edited)} while a command that reads it was at work"
-        rule = "files stay as they are until their command has ended"
-        remedy = "give the same command again"
-        raise InputError(Problem(job.site.file, "", given, rule, remedy))
+        raise edited_since(job.site.file, given)
+
+
+def edited_since(file: str, given: str) -> InputError:
+    """What a command ends with where its settings or files changed under it."""
+    rule = "files stay as they are until their command has ended"
+    return InputError(Problem(file, "", given, rule, "give the same command again"))
 
 
 def work_of(stage: str, key: str, job: Job) -> Work:

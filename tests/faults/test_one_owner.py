@@ -440,15 +440,19 @@ def test_folder_is_settled_after_each_rename(
         assert done[at + 1] == done[at].replace("rename into", "settle")
 
 
+@pytest.fixture
+def scan_site(write_site: Callable[..., str]) -> str:
+    return write_site("rock: {shape: mesh, mesh: scan.ply, density: 2000}\n")
+
+
 def test_a_scan_that_is_written_while_it_is_read_makes_nothing(
     tmp_path: Path,
     vsr: Callable[..., Ran],
-    write_site: Callable[..., str],
+    scan_site: str,
     derived: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """After its digest and before it is read: the rock would have the other's key."""
-    site = write_site("rock: {shape: mesh, mesh: scan.ply, density: 2000}\n")
     scan, scans = tmp_path / "scan.ply", []
     for height in (2.0, 3.0):
         trimesh.creation.box((1.0, 1.0, height)).export(scan)
@@ -462,24 +466,23 @@ def test_a_scan_that_is_written_while_it_is_read_makes_nothing(
 
     with monkeypatch.context() as patch:
         patch.setattr(mesh_files, "read", written_before)
-        ran = vsr("run", "rock", "--site", site)
+        ran = vsr("run", "rock", "--site", scan_site)
     assert ran.code == 2
     assert "scan.ply edited while a command that reads it was at work" in ran.err
     assert not (derived / "rock" / "rock.nc").exists()
     scan.write_bytes(scans[0])
-    assert vsr("run", "rock", "--site", site).code == 0
+    assert vsr("run", "rock", "--site", scan_site).code == 0
     assert xr.load_dataset(derived / "rock" / "rock.nc").attrs["mass_kg"] == pytest.approx(4000.0)
 
 
 def test_a_study_whose_scan_is_written_over_is_not_compared(
     tmp_path: Path,
     vsr: Callable[..., Ran],
-    write_site: Callable[..., str],
+    scan_site: str,
     derived: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Between its members, each of which is right by itself."""
-    site = write_site("rock: {shape: mesh, mesh: scan.ply, density: 2000}\n")
     scan, study = tmp_path / "scan.ply", tmp_path / "study.yaml"
     study.write_text("sweep: {mass: {rock.density: [2000, 2500]}}\n")
     trimesh.creation.box((1.0, 1.0, 2.0)).export(scan)
@@ -492,7 +495,7 @@ def test_a_study_whose_scan_is_written_over_is_not_compared(
         return unresolved
 
     monkeypatch.setattr(graph, "make", made_and_written)
-    ran = vsr("run", "rock", "--site", site, "--study", study)
+    ran = vsr("run", "rock", "--site", scan_site, "--study", study)
     assert (ran.code, done) == (2, ["rock", "rock"])
     assert "while a command that reads it was at work" in ran.err
     assert not (derived / "rock" / "studies" / "study" / "study.nc").exists()

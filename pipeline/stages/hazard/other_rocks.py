@@ -88,9 +88,7 @@ class Other:
         manifest = Store(folder).manifest(self.stage)
         if manifest is None or manifest["key"] != self.key:
             given = f"{self.stage} of other files or settings than {self.site.name} has by now"
-            rule = "files stay as they are until their command has ended"
-            remedy = "give the same command again"
-            raise InputError(Problem(str(folder), "", given, rule, remedy))
+            raise graph.edited_since(str(folder), given)
         return of_members(EnsembleData(folder).data) if self.uncertain else of_fits(Fits(folder))
 
 
