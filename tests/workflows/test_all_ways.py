@@ -192,14 +192,14 @@ ALL = {"product": QUICK + SLOW, **SCENES}
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("few_runs")
+@pytest.mark.usefixtures("few_runs", "small_pictures")
 @pytest.mark.parametrize("way", ways.cover(ALL, together=3), ids=told)
 def test_each_three_have_a_way(way: Way, go: Callable[[Way, str], None]) -> None:
     go(way, "0.0015")
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("few_runs")
+@pytest.mark.usefixtures("few_runs", "small_pictures")
 @pytest.mark.parametrize("way", ways.cover(ALL, together=2), ids=told)
 def test_each_pair_has_a_way_at_a_measured_step(way: Way, go: Callable[[Way, str], None]) -> None:
     go(way, "auto")

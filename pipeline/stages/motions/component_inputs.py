@@ -27,7 +27,7 @@ from pipeline.stages.motions.record_inputs import (
 from pipeline.workflow.keys import digest_file
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.components import Components, check_together
-from vsr_core.motions.records.directions import doubt
+from vsr_core.motions.records.directions import doubts
 from vsr_core.motions.records.record import Record, repaired
 from vsr_core.motions.records.trace import measures
 
@@ -102,8 +102,7 @@ def _ready(
     main = max((axis for axis in "xy" if axis in traces), key=peaks.__getitem__)
     still = np.zeros_like(traces[main].acceleration)
     along = np.column_stack([traces[a].acceleration if a in traces else still for a in "xyz"])
-    doubts = filter(None, (doubt(found),))
-    repairs = (*doubts, *(f"{axis}: {text}" for axis in fixed for text in fixed[axis].repairs))
+    repairs = [f"{axis}: {text}" for axis in fixed for text in fixed[axis].repairs]
     told = ", ".join(
         f"{axis} ({record.channels[0]}) with {in_si.in_g(peaks[axis]):.3g} g"
         for axis, record in fixed.items()
@@ -111,11 +110,12 @@ def _ready(
     return Ready(
         paths[0].stem,
         ", ".join(map(shown, paths)),
-        replace(fixed[main], repairs=repairs),
+        replace(fixed[main], repairs=tuple(repairs)),
         traces[main],
         measures(traces[main]),
         Components(along, traces[main].interval, in_si.angle(one.azimuth)),
         told,
+        tuple(doubts(found)),
     )
 
 

@@ -60,6 +60,9 @@ def make(work: Work, motion: MotionConfig, files: MotionFiles | None) -> Product
         if files.tables is not None:
             dataset, summary = table_motions.dataset(files.tables, motion.pga)
         else:
+            for one in files.records:
+                for doubt in one.doubts:
+                    work.log(f"motions: {one.file}: {doubt}")
             dataset, summary = _records(files.records, motion.pga)
     made = {MotionData.FILE: netcdf(described(dataset, work, "Ground motions"))}
     return Product(made, summary)
@@ -136,7 +139,7 @@ def _facts(one: Ready) -> dict[str, Any]:
         "channel": record.channels[0],
         "record_source": record.source,
         "record_unit": record.unit,
-        "repairs": "; ".join(record.repairs),
+        "repairs": "; ".join((*one.doubts, *record.repairs)),
         **{
             name: in_si.in_g(measures[own]) if name in _IN_G else measures[own]
             for own, name in MEASURES.items()

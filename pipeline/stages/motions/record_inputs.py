@@ -22,7 +22,7 @@ from pipeline.workflow.keys import digest_file
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records import formats
 from vsr_core.motions.records.components import Components
-from vsr_core.motions.records.directions import check_directions
+from vsr_core.motions.records.directions import check_directions, doubts
 from vsr_core.motions.records.formats import SUFFIXES
 from vsr_core.motions.records.processing import process
 from vsr_core.motions.records.record import Record, check_rest, repaired
@@ -53,6 +53,7 @@ class Ready:
     record, trace, measures : of the larger horizontal component, as read and as processed
     components : of a record along several axes
     told : str, these in words
+    doubts : where channels may point otherwise than they are taken
     """
 
     name: str
@@ -62,6 +63,7 @@ class Ready:
     measures: Measures
     components: Components | None = None
     told: str = ""
+    doubts: tuple[str, ...] = ()
 
 
 def find(origin: Origin, files: tuple[str, ...]) -> list[Path]:
@@ -158,8 +160,8 @@ def in_order(ready: list[Ready]) -> list[Ready]:
 def _ready(path: Path, response: bytes | None, motion: RecordConfig) -> Ready:
     record = repaired(read(path, response, motion).channel(motion.component))
     check_directions({"x": record})
-    trace = processed(record, motion)
-    return Ready(path.stem, shown(path), record, trace, measures(trace))
+    trace, doubtful = processed(record, motion), tuple(doubts({"x": record}))
+    return Ready(path.stem, shown(path), record, trace, measures(trace), doubts=doubtful)
 
 
 def read(path: Path, response: bytes | None, motion: RecordConfig) -> Record:

@@ -82,7 +82,7 @@ def make(
     draws: list[Draw] = []
     file = work.origin.file_of("observations")
     if shaken:
-        shaken.read()
+        shaken.read(work.log)
     number, most = (FIRST // 8, MOST // 8) if scan else (FIRST, MOST)
     with Steps("observations", work.log) as steps:
         while True:

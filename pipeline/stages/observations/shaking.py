@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -28,8 +28,8 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.records import formats
-from vsr_core.motions.records.directions import check_directions
-from vsr_core.motions.records.record import check_end, repaired
+from vsr_core.motions.records.directions import check_directions, doubts
+from vsr_core.motions.records.record import Record, check_end, repaired
 from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.run.cases import Settings
 from vsr_core.run.displacement import displace
@@ -59,19 +59,19 @@ class ShakenBy(Input):
         """Digests of the files, by the number of the observation."""
         return {str(number): digest_file(path) for number, path, _ in self.tests}
 
-    def read(self) -> None:
-        """Refuse motions that cannot be read."""
-        for number, _, _ in self.tests:
-            self.motion(number)
+    def read(self, log: Callable[[str], None]) -> None:
+        """Refuse motions that cannot be read, and tell what may be along another axis."""
+        for number, path, _ in self.tests:
+            for line in doubts({"x": self._record(number)}):
+                log(f"observations: {shown(path)}: {line}")
 
     def motion(self, number: int) -> GroundMotion:
-        """The motion of a test, its acceleration as it was recorded.
+        """The motion of a test, its acceleration as it was recorded."""
+        record = self._record(number)
+        return RecordedMotion(Trace(record.acceleration, record.interval))
 
-        Raises
-        ------
-        InputError
-            For a file that holds none.
-        """
+    def _record(self, number: int) -> Record:
+        """That of a test; InputError for a file that holds none."""
         (found,) = [one for one in self.tests if one[0] == number]
         _, path, test = found
         try:
@@ -79,13 +79,12 @@ class ShakenBy(Input):
             every = formats.read_all(held(path, LARGEST_FILE), path.suffix, reading)
             record = repaired(every.channel(test.component))
             check_directions({"x": record})
-            trace = Trace(record.acceleration, record.interval)
-            check_end(trace)
+            check_end(Trace(record.acceleration, record.interval))
         except InvalidInput as error:
             given = f"{shown(path)}, {error.given}"
             problem = Problem(self.file, key_of(number), given, error.rule, error.remedy)
             raise InputError(problem) from None
-        return RecordedMotion(trace)
+        return record
 
 
 def key_of(number: int) -> str:

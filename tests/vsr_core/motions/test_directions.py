@@ -11,7 +11,7 @@ from support import record_files as files
 
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.components import check_together
-from vsr_core.motions.records.directions import doubt
+from vsr_core.motions.records.directions import doubts
 from vsr_core.motions.records.formats import Reading, read, read_all
 from vsr_core.motions.records.record import Record
 
@@ -94,29 +94,45 @@ def column(name: str, place: int = 1) -> Record:
     return Record(wave(place), STEP, (name,), "", "", "g")
 
 
-def test_columns_u_and_v_may_be_horizontal() -> None:
-    level = "u,v,V,acc_x,vel,up-stream,x (up),along-dip down,GBZ_180,GBZ 000,H1 (Az 90),acc_ver2"
-    level += ",THZ_E,MLZ 90,GNZ 000,AZ_PFO_HNE,H1 Az N60E,Down hole 090,DN_090,VER 090,x (z up)"
-    for name in (*level.split(","), "East (Z down)", "Az 45"):
-        check_together({"x": column(name)})
-    for name in (
-        *("z [m/s2]", "acc_z", "acceleration_UD", "vert acc", "up (1)", "a (Z)", "accz", "acc_up"),
-        *("acc up", "a_down", "Up-Down", "UP/DOWN", "up_down (g)", "accelerationZ", "hnz", "az"),
-        *(
-            "az1",
-            "az 1",
-            "zacc",
-            "UpDn",
-            "Up m/s^2",
-            "HNZ 10",
-            "THZ_Z",
-            "acc_up m/s2",
-            "z_001",
-            "UD 002",
-            *("HNZ_001", "CH1_UP", "CH1 Z", "CH2 vertical"),
-        ),
-    ):
-        assert "which is vertical" in refusal(x=column(name))
+LEVEL = """
+u | v | V | GBZ_180 | acc_x | vel | acc_ver2 | H1 (Az 90) | Az 45 | H1 Az N60E | acc (g) | HN1 |
+90 (2)
+""".replace("\n", "")
+
+DOUBTFUL = """
+up-stream | x (up) | GNZ_180 | GLZ 000 | THZ_E | MLZ 90 | GNZ 000 | Down hole 090 | DN_090 |
+VER 090 | x (z up) | East (Z down) | HNZ 10 | UP 090 | vert. array 1 east
+"""
+
+VERTICAL = """
+z [m/s2] | acc_z | acceleration_UD | vert acc | up (1) | a (Z) | accz | acc_up | acc up | a_down |
+Up-Down | UP/DOWN | up_down (g) | accelerationZ | hnz | az | az1 | az 1 | zacc | UpDn | Up m/s^2 |
+THZ_Z | acc_up m/s2 | z_001 | UD 002 | HNZ_001 | CH1_UP | CH1 Z | CH2 vertical | DWN 002 | V2 UP |
+acc_down 001 | COMP UP | Channel 3 vertical | G02-UP | station 090 up
+"""
+
+
+def names_in(text: str) -> list[str]:
+    return [name.strip() for name in text.split("|")]
+
+
+@pytest.mark.parametrize("name", names_in(VERTICAL))
+def test_a_channel_that_ends_in_a_vertical_word_is_not_horizontal(name: str) -> None:
+    assert "which is vertical" in refusal(x=column(name))
+
+
+@pytest.mark.parametrize("name", names_in(DOUBTFUL))
+def test_a_vertical_word_before_others_is_told(name: str) -> None:
+    """It may be a station, a hole, an array; what follows it, an axis or an azimuth."""
+    check_together({"x": column(name)})
+    (told,) = doubts({"x": column(name)})
+    assert "is taken as horizontal" in told
+
+
+@pytest.mark.parametrize("name", names_in(LEVEL))
+def test_columns_u_and_v_may_be_horizontal(name: str) -> None:
+    check_together({"x": column(name)})
+    assert not doubts({"x": column(name)})
 
 
 def test_names_that_are_parted_say_where_they_point() -> None:
@@ -176,7 +192,7 @@ def test_a_response_tells_where_its_channels_point(axes: dict[str, str], words: 
         assert words in refusal(**components)
     else:
         check_together(components)
-        assert not doubt(components)
+        assert not doubts(components)
 
 
 def test_names_that_are_not_where_channels_point_are_told() -> None:
@@ -184,9 +200,10 @@ def test_names_that_are_not_where_channels_point_are_told() -> None:
         whole = by_response(HNE=(east, 0.0), HNN=(north, 0.0))
         components = {"x": whole.channel("HNE"), "y": whole.channel("HNN")}
         check_together(components)
-        assert words in doubt(components)
-        assert bool(doubt(components)) == bool(words)
-        assert words in doubt({"x": components["x"]})
+        told = doubts(components)
+        assert words in "; ".join(told)
+        assert bool(told) == bool(words)
+        assert words in "; ".join(doubts({"x": components["x"]}))
 
 
 def test_north_of_cosmos_is_360_and_0_is_nothing() -> None:
@@ -206,8 +223,8 @@ def test_channels_of_one_letter_or_figure() -> None:
     assert "Z as y, which is vertical" in refusal(x=sac(1, "E"), y=up)
     check_together({"x": two, "y": one, "z": up})
     check_together({"x": one, "y": two})
-    assert doubt({"x": one, "y": two})
-    assert not doubt({"x": two, "y": one})
+    assert doubts({"x": one, "y": two})
+    assert not doubts({"x": two, "y": one})
 
 
 def test_a_response_without_stages_is_told() -> None:

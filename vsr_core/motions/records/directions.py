@@ -10,35 +10,25 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Direction, Record
 
 _VERTICAL = re.compile(
-    "UP(DO(WN)?|DN|WARDS?)|ZACC|(UP|VE?RTC?|VERTI[CK]ALE?|UD|(ACC(EL(ERATION)?)?)?Z)[0-9]?",
+    "(UP(WARDS?|DO(WN)?|DN)?|UD|DOWN|DWN|DN|VE?RTC?|VERTI[CK]ALE?|(ACC(EL(ERATION)?)?)?Z"
+    "|[A-Z][GHLN]Z)[0-9]?|VER|ZACC",
     re.IGNORECASE,
 )
-"""Names of vertical channels: of networks' files, and of columns."""
+"""Words for vertical channels: of networks' files, SEED's among them, and of columns."""
 
-_OF_CHANNEL = re.compile("VER|(DOWN|DN|DWN|[A-HLMO-VX][GHLN]Z)[0-9]?", re.IGNORECASE)
-"""More of them, SEED's among them, which beside an azimuth are a station's, or a hole's."""
+_ALONG_Z = re.compile("AZ[0-9]?", re.IGNORECASE)
+"""As well, but beside others it is an azimuth."""
 
-_UP, _DOWN, _AZ = (
-    re.compile(f"({words})[0-9]?", re.IGNORECASE) for words in ("UP", "DOWN|DN|DWN", "AZ")
+_DOWN = re.compile("(DOWN|DWN|DN)[0-9]?", re.IGNORECASE)
+
+_SAYS_NOTHING = re.compile(
+    "A|ACC(EL(ERATION)?)?|(CH(ANNEL)?|COMP(ONENT)?)[0-9]*|[0-9]|00[1-4]", re.IGNORECASE
 )
-
-_LEVEL = re.compile(
-    "[XYNESWRT]|NS|EW|NORTH|SOUTH|EAST|WEST|ALONG|ACROSS|RADIAL|TRANSVERSE|LONGITUDINAL|LATERAL"
-    "|DIP|STRIKE|FAULT|SLOPE|HILL|STREAM|RIVER|VALLEY|CANYON",
-    re.IGNORECASE,
-)
-"""Words of a horizontal direction, beside which up and down are a way along it."""
-
-_AZIMUTH = re.compile(
-    "000|0(0[5-9]|[1-9][0-9])|[12][0-9]{2}|3([0-5][0-9]|60)|90|[NS][0-9]{1,2}[EW]"
-    "|[A-HLMO-VX][GHLN][ENRTXY12]",
-    re.IGNORECASE,
-)
-"""And horizontal channels of SEED's: beside these, names of `_OF_CHANNEL` are a station's."""
+"""Words of a name, numbers of sensors among them, that are about no direction."""
 
 _UNIT = re.compile(r"\bc?m/s\S*")
 
-_AFTER = re.compile(r"\s*[(\[][^(\[]*[)\]]$")
+_AFTER = re.compile(r"\s*[(\[]([^(\[]*)[)\]]$")
 """A unit after a name, or the number of a sensor among others in its direction."""
 
 _BETWEEN = re.compile(r"(?<=[^\W\d_])[-/_ ](?=[^\W\d_])|^[-_ ]+|[-_ ]+$")
@@ -120,17 +110,8 @@ def _is_vertical(name: str) -> bool:
     >>> [_is_vertical(name) for name in ("V", "x (up)", "up-dip", "GBZ_180", "H1 (Az 90)")]
     [False, False, False, False, False]
     """
-    whole, words = _plain(name), _words(name)
-    if _VERTICAL.fullmatch(whole) or _OF_CHANNEL.fullmatch(whole):
-        return True
-    if any(map(_LEVEL.fullmatch, words)):
-        return False
-    known = [_VERTICAL]
-    if not any(map(_AZIMUTH.fullmatch, words)):
-        known += [_OF_CHANNEL]
-        if not any(len(word) > 1 and word.isdecimal() for word in words):
-            known += [_AZ]  # the acceleration along z, and no azimuth
-    return any(one.fullmatch(word) for one in known for word in words)
+    word = _deciding(name)
+    return bool(_VERTICAL.fullmatch(word) or _ALONG_Z.fullmatch(word))
 
 
 def _points_down(name: str) -> bool:
@@ -139,8 +120,20 @@ def _points_down(name: str) -> bool:
     >>> [_points_down(name) for name in ("down (3)", "DWN (ERD)", "a_down", "Up-Down", "UD")]
     [True, True, True, False, False]
     """
-    words = _words(name)
-    return any(map(_DOWN.fullmatch, words)) and not any(map(_UP.fullmatch, words))
+    return bool(_DOWN.fullmatch(_deciding(name)))
+
+
+def _deciding(name: str) -> str:
+    """The word that says whether a channel is vertical: the last one, as stations come first.
+
+    >>> [_deciding(name) for name in ("CH1_UP", "DN 090", "acc z (1)", "a (Z)", "U-D", "acc")]
+    ['UP', '090', 'accz', 'Z', 'UD', '']
+    """
+    whole = _plain(name)
+    if _VERTICAL.fullmatch(whole):
+        return whole
+    words = [word for word in _words(name) if not _SAYS_NOTHING.fullmatch(word)]
+    return words[-1] if words else ""
 
 
 def _plain(name: str) -> str:
@@ -153,7 +146,14 @@ def _plain(name: str) -> str:
 
 
 def _words(name: str) -> list[str]:
-    return re.findall(r"[^\W_]+", _UNIT.sub("", name))
+    """Those in brackets first.
+
+    >>> _words("acc_up m/s2"), _words("East (Z down)")
+    (['acc', 'up'], ['Z', 'down', 'East'])
+    """
+    name = _UNIT.sub("", name)
+    inside = _AFTER.search(name)
+    return re.findall(r"[^\W_]+", f"{inside[1] if inside else ''} {_AFTER.sub('', name)}")
 
 
 def _told(components: Mapping[str, Record]) -> dict[str, Direction]:
@@ -184,31 +184,36 @@ def _check_square(names: Mapping[str, str], known: Mapping[str, float]) -> None:
         raise InvalidInput(f"{of['x']} as x and {of['y']} as y", rule, remedy)
 
 
-def doubt(components: Mapping[str, Record]) -> str:
-    """What is to be told of channels that point elsewhere than their names, or anywhere.
+def doubts(components: Mapping[str, Record]) -> list[str]:
+    """What is to be told of channels that may be vertical, or point elsewhere than their names.
 
     By the practice of networks the second points 90 degrees to the right of the first.
 
     >>> import numpy as np
-    >>> one = {axis: Record(np.zeros(3), 0.01, (f"HN{n}",), "", "", "g") for axis, n in
-    ...        (("x", 1), ("y", 2))}
-    >>> doubt(one), doubt({"x": one["y"], "y": one["x"]})
-    ('HN2 mostly points to the right of HN1: if so, x and y are to be exchanged', '')
+    >>> one = {axis: Record(np.zeros(3), 0.01, (name,), "", "", "g") for axis, name in
+    ...        (("x", "HN1"), ("y", "HN2"), ("z", "GNZ 090"))}
+    >>> doubts({"x": one["x"], "y": one["y"]})
+    ['HN2 mostly points to the right of HN1: if so, x and y are to be exchanged']
+    >>> doubts({"x": one["y"], "y": one["x"]}), doubts({"x": one["z"]})
+    ([], ['GNZ 090 as x is taken as horizontal, though GNZ may mean vertical'])
     """
+    horizontal = {axis: components[axis] for axis in "xy" if axis in components}
+    names = {axis: _name(one) for axis, one in horizontal.items()}
+    found = [
+        f"{name} as {axis} is taken as horizontal, though {words[0]} may mean vertical"
+        for axis, name in names.items()
+        if (words := list(filter(_VERTICAL.fullmatch, _words(name))))
+    ]
     told = _told(components)
-    for axis in sorted(told.keys() & {"x", "y"}):
-        name, azimuth = _name(components[axis]), told[axis].azimuth
-        named = _azimuth(name, numbered=True)
+    for axis in sorted(told.keys() & names):
+        azimuth, named = told[axis].azimuth, _azimuth(names[axis], numbered=True)
         if named is not None and abs((azimuth - named + 180) % 360 - 180) > _SQUARE:
-            return f"{name} as {axis} points to {azimuth:g} deg by its file or response"
-    horizontal = [components[axis] for axis in "xy" if axis in components]
-    names = [_name(one) for one in horizontal]
-    found = [_NUMBERED.fullmatch(name) for name in names]
-    if _azimuths_told(told) or [one[1] if one else "" for one in found] != ["1", "2"]:
-        return ""
-    return (
-        f"{names[1]} mostly points to the right of {names[0]}: if so, x and y are to be exchanged"
-    )
+            found += [f"{names[axis]} as {axis} points to {azimuth:g} deg by its file or response"]
+    numbers = [_NUMBERED.fullmatch(name) for name in names.values()]
+    if not _azimuths_told(told) and [one and one[1] for one in numbers] == ["1", "2"]:
+        one, two = names.values()
+        found += [f"{two} mostly points to the right of {one}: if so, x and y are to be exchanged"]
+    return found
 
 
 def _azimuth(channel: str, *, numbered: bool = False) -> int | None:

@@ -220,6 +220,18 @@ def test_the_vertical_one_in_a_folder_of_components_is_no_shaking_along_x(
     refused("run", "motions", "--site", where, words=words)
 
 
+def test_a_channel_that_may_be_vertical_is_told(tmp_path: Path, vsr: Vsr) -> None:
+    """DN is a hole in the ground here, and a channel that points down elsewhere."""
+    text = pulse_record(0.3)
+    for name in ("DN 090", "east"):
+        (tmp_path / f"{name}.csv").write_text(text.replace("a [m/s2]", f"{name} [m/s2]"))
+        text = pulse_record(0.4)
+    where = site(tmp_path, f"files: [DN 090.csv, east.csv], {NONE}, pga: [1]")
+    said = vsr("run", "motions", "--site", where)
+    assert "DN 090 as x is taken as horizontal, though DN may mean vertical" in said.err
+    assert "east as x" not in said.err
+
+
 def test_plan_names_the_records(folder: Path, vsr: Vsr) -> None:
     said = vsr("plan", "--site", folder / "rock.yaml").out
     assert "records: 3, each at 5 PGA" in said
