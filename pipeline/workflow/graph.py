@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from pipeline.config.layers import Site
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import aside, keys, pages, site_folder
-from pipeline.workflow.grammar import listed
+from pipeline.workflow.grammar import counted, listed
 from pipeline.workflow.log import complain
 from pipeline.workflow.parameters import WORK, Asked, Made, Parts, Setting, Values, changes
 from pipeline.workflow.registry import (
@@ -147,7 +147,7 @@ def why(stage: Stage, identity: Identity, store: Store) -> Iterator[str]:
     elif stage.in_database and not is_there(store.runs):
         yield f"{RUNS} is missing"
     if manifest["retry"]:
-        yield f"{manifest['retry']} runs crashed and are tried again"
+        yield f"{counted(manifest['retry'], 'run')} crashed before"
     if manifest["key"] != identity.key:
         yield from differences(manifest["facts"], identity.facts)
 

@@ -11,6 +11,7 @@ from typing import Any, Generic
 
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow import owner
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.log import complain
 from pipeline.workflow.rows import TABLES, Layout, Row
 from pipeline.workflow.store import writing
@@ -185,8 +186,8 @@ def _mend(path: Path) -> None:
     whole.replace(path)
     owner.settle(path.parent)
     complain(
-        f"vsr: warning: {path}: damaged ({fault}); set aside as {aside.name}; {kept} rows are "
-        "sound and stay, others are run again"
+        f"vsr: warning: {path}: damaged ({fault}); set aside as {aside.name}; what is sound of "
+        f"it stays, {counted(kept, 'row')}; the rest is run again"
     )
 
 
@@ -195,7 +196,7 @@ def _fault(path: Path) -> str:
     if not path.exists():
         return ""
     fault, bad = _faults(path, _connected)
-    return fault or (f"{bad} rows are not as they were written" if bad else "")
+    return fault or (f"{counted(bad, 'row')} not as written" if bad else "")
 
 
 def check(folder: Path) -> int:

@@ -155,7 +155,7 @@ def test_cut_database_is_told_and_redone(
     found = rows_of(tmp_path)
     assert found.items() <= TRUTH.items()
     assert len(said) == 1
-    assert f"set aside as {RUNS}{DAMAGED}1; {len(found)} rows are sound and stay" in said[0]
+    assert f"set aside as {RUNS}{DAMAGED}1; what is sound of it stays, {len(found)} row" in said[0]
     add(tmp_path, [row for key, row in TRUTH.items() if key not in found])
     assert rows_of(tmp_path, reads=True) == TRUTH
 

@@ -168,7 +168,7 @@ def test_a_run_with_two_results_is_refused(
     together = tmp_path / "together"
     ran = joined(vsr, site, shards, together)
     assert ran.code == 2
-    assert "1 runs with other results than in" in ran.err
+    assert "1 run with other results than in" in ran.err
     (folder,) = (path.parent for path in together.glob(f"*/{RUNS}"))
     assert count(folder) == 0
 

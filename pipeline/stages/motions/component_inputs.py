@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +26,7 @@ from pipeline.stages.motions.record_inputs import (
     refuse_twice,
     response_of,
 )
-from pipeline.workflow.keys import digest_file
+from pipeline.workflow.keys import digest, digest_file
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.components import Components, check_together
 from vsr_core.motions.records.directions import doubts
@@ -71,9 +73,9 @@ def _loaded(
 ) -> tuple[Ready, ...]:
     ready, problems = [], []
     for one, found in zip(motion.records or (), files, strict=True):
-        paths = [path for path, _ in found]
+        paths, digests = zip(*found, strict=True)
         try:
-            ready.append(_ready(one, paths, response, motion))
+            ready.append(_ready(one, paths, digests, response, motion))
         except InvalidInput as error:
             given = f"{', '.join(map(shown, paths))}: {error.given}"
             problems.append(Problem(file, _KEY, given, error.rule, error.remedy))
@@ -86,7 +88,11 @@ def _loaded(
 
 
 def _ready(
-    one: ComponentsConfig, paths: list[Path], response: bytes | None, motion: RecordConfig
+    one: ComponentsConfig,
+    paths: Sequence[Path],
+    digests: Sequence[str],
+    response: bytes | None,
+    motion: RecordConfig,
 ) -> Ready:
     """A record, each of its components repaired and processed as one alone."""
     found = _channels(one, paths, response, motion)
@@ -110,6 +116,7 @@ def _ready(
     return Ready(
         paths[0].stem,
         ", ".join(map(shown, paths)),
+        _digest(found, digests),
         replace(fixed[main], repairs=tuple(repairs)),
         traces[main],
         measures(traces[main]),
@@ -119,8 +126,14 @@ def _ready(
     )
 
 
+def _digest(found: Mapping[str, Record], digests: Sequence[str]) -> str:
+    """That of the horizontal components, as one without its vertical is the same record."""
+    of_files = zip(found, digests, strict=True) if len(digests) > 1 else product(found, digests)
+    return digest([(axis, own, found[axis].channels[0]) for axis, own in of_files if axis != "z"])
+
+
 def _channels(
-    one: ComponentsConfig, paths: list[Path], response: bytes | None, motion: RecordConfig
+    one: ComponentsConfig, paths: Sequence[Path], response: bytes | None, motion: RecordConfig
 ) -> dict[str, Record]:
     """The components as read, by their axes."""
     if one.file is None:

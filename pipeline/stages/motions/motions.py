@@ -120,7 +120,7 @@ def _records(ready: tuple[Ready, ...], pga: tuple[float, ...]) -> tuple[xr.Datas
     repaired = sum(bool(one.record.repairs) for one in ready)
     shaking = len(pga) * sum(one.trace.duration for one in ready)
     summary = f"{counted(len(ready), 'record')} x {len(pga)} PGA, {shaking:.0f} s of shaking"
-    return dataset, summary + (f"; {repaired} records were repaired" if repaired else "")
+    return dataset, summary + (f"; {counted(repaired, 'record')} repaired" if repaired else "")
 
 
 def _facts(one: Ready) -> dict[str, Any]:
@@ -129,6 +129,7 @@ def _facts(one: Ready) -> dict[str, Any]:
     longer = trace.duration - (len(record.acceleration) - 1) * record.interval
     return {
         "record": one.name,
+        "record_digest": one.digest,
         "record_size": len(trace.times),
         "interval": trace.interval,
         "raw_size": len(record.acceleration),

@@ -18,7 +18,7 @@ from pipeline.config.outside import check_regular, content, held
 from pipeline.config.paths import is_text, located, shown
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.workflow.grammar import listed
-from pipeline.workflow.keys import digest_file
+from pipeline.workflow.keys import digest, digest_file
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records import formats
 from vsr_core.motions.records.components import Components
@@ -50,6 +50,7 @@ class Ready:
 
     Attributes
     ----------
+    digest : str, of its files and channels, the horizontal ones, whatever is done to them
     record, trace, measures : of the larger horizontal component, as read and as processed
     components : of a record along several axes
     told : str, these in words
@@ -58,6 +59,7 @@ class Ready:
 
     name: str
     file: str
+    digest: str
     record: Record
     trace: Trace
     measures: Measures
@@ -137,8 +139,10 @@ def load(origin: Origin, motion: RecordConfig) -> tuple[Ready, ...]:
 def _loaded(
     file: str, files: tuple[tuple[Path, str], ...], response: bytes | None, motion: RecordConfig
 ) -> tuple[Ready, ...]:
-    paths = [path for path, _ in files]
-    ready = in_order(each(file, _FILES, paths, lambda path: _ready(path, response, motion)))
+    known = dict(files)
+    ready = in_order(
+        each(file, _FILES, [*known], lambda path: _ready(path, known[path], response, motion))
+    )
     refuse_copies(file, _FILES, ready)
     return tuple(ready)
 
@@ -157,11 +161,12 @@ def in_order(ready: list[Ready]) -> list[Ready]:
     return sorted(ready, key=lambda one: (one.measures.pgv_pga, one.name))
 
 
-def _ready(path: Path, response: bytes | None, motion: RecordConfig) -> Ready:
+def _ready(path: Path, content: str, response: bytes | None, motion: RecordConfig) -> Ready:
     record = repaired(read(path, response, motion).channel(motion.component))
     check_directions({"x": record})
     trace, doubtful = processed(record, motion), tuple(doubts({"x": record}))
-    return Ready(path.stem, shown(path), record, trace, measures(trace), doubts=doubtful)
+    own = digest([content, record.channels[0]])
+    return Ready(path.stem, shown(path), own, record, trace, measures(trace), doubts=doubtful)
 
 
 def read(path: Path, response: bytes | None, motion: RecordConfig) -> Record:

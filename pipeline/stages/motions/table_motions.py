@@ -14,6 +14,7 @@ from pipeline.config.motion_schema import AxisPulseConfig
 from pipeline.config.outside import held
 from pipeline.stages.motions import record_inputs
 from pipeline.workflow.datasets import split
+from pipeline.workflow.keys import digest_bytes
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.named_columns import Column, of_netcdf, of_text
@@ -47,6 +48,7 @@ def dataset(loaded: Loaded, pga: tuple[float, ...]) -> tuple[xr.Dataset, str]:
         },
         {
             "record": list(names),
+            "record_digest": ("record", [_digest(one) for one in motions]),
             "pgv_pga": ("record", list(ratios)),
             "record_pga": ("record", [in_si.in_g(one.peak_acceleration) for one in motions]),
             "record_pgv": ("record", [one.peak_velocity for one in motions]),
@@ -85,6 +87,10 @@ def named(pulses: tuple[AxisPulseConfig, ...]) -> str:
         own = "" if pulse.pgv_pga is None else f" of {pulse.pgv_pga:g} s"
         words.append(f"{share}{pulse.axis}{own}")
     return ", ".join(words)
+
+
+def _digest(motion: SampledMotion) -> str:
+    return digest_bytes(motion.time.tobytes(), motion.samples.tobytes())
 
 
 def _moving(motion: SampledMotion) -> SampledMotion:

@@ -66,7 +66,9 @@ def make(job: Job, folders: Sequence[Path]) -> list[str]:
             for mine, store in zip(own, stores, strict=True):
                 for rows in parts(_of(store, scenes)):
                     mine.add(row for row in rows if row.outcome != Outcome.CRASHED)
-    return [f"{folder}: {count} runs" for folder, count in zip(folders, counts, strict=True)]
+    return [
+        f"{folder}: {counted(count, 'run')}" for folder, count in zip(folders, counts, strict=True)
+    ]
 
 
 def _scenes(study: Study) -> set[bytes]:
@@ -110,7 +112,7 @@ def _require_same(rows: Sequence[Any], other: RunStore[Any], folder: Path, place
     crashed = Outcome.CRASHED
     differ = sum(a != b and crashed not in (a.outcome, b.outcome) for a, b in pairs)
     if differ:
-        given = f"{differ} runs with other results than in {place}"
+        given = f"{counted(differ, 'run')} with other results than in {place}"
         rule = "a run of a study has one result"
         remedy = "leave one of the folders out, or do its runs again"
         raise InputError(Problem(str(folder), "", given, rule, remedy))

@@ -189,7 +189,7 @@ def test_crashed_run_is_told_and_tried_again(
     assert np.argwhere(lost).tolist() == [[0, 0, 1, 3]]  # yaw 0, 0.3 s, 0.8 g
     assert data["overturned"].values[lost].tolist() == [-1]
     assert np.isnan(data["peak_tilt"].values[lost]).all()
-    assert "1 runs crashed and are tried again" in vsr("why", "responses", "--site", site).out
+    assert "1 run crashed before" in vsr("why", "responses", "--site", site).out
 
     simulated = []
 

@@ -67,6 +67,7 @@ class Change:
     apart, rows : int, rows whose boundaries are apart, and all that can be compared
     lost : int, rows with a boundary at the reference where nothing topples here
     toppled : float, share of the decided runs that topple
+    bounded : bool, whether something topples, on the grid or beyond it
     time_step : float [s]
     error : float, numerical error of the boundary [1]; nan where it was not measured
     interval : float, half the interval of the boundary in the median row, as a share of it [1]
@@ -81,6 +82,7 @@ class Change:
     rows: int
     lost: int
     toppled: float
+    bounded: bool
     time_step: float
     error: float
     interval: float
@@ -128,6 +130,7 @@ def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> C
         rows=int(compared.sum()),
         lost=int((np.isfinite(there[LOWER] + there[UPPER]) & np.isinf(here[BOUNDARY])).sum()),
         toppled=(here["overturned"] == 1).sum().item() / decided if decided else np.nan,
+        bounded=bool(np.isfinite(here[UPPER]).any()),
         time_step=_largest(here["time_step"]),
         error=_largest(here["boundary_error"]),
         interval=_median(half.values),
@@ -285,7 +288,7 @@ def _moved(dimension: Dimension, changes: list[Change]) -> str:
 
 def _none(changes: list[Change]) -> str:
     """Where nothing topples, and at how many PGV/PGA levels elsewhere."""
-    safe = [one.label for one in changes if one.toppled == 0.0 and np.isnan(one.mean)]
+    safe = [one.label for one in changes if one.toppled == 0.0 and not one.bounded]
     lost = [one for one in changes if one.lost and one.label not in safe]
     said = []
     if lost:

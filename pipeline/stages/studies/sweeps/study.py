@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 from os.path import relpath
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from pipeline.config.layers import Site
 from pipeline.config.motion_schema import is_along_x
 from pipeline.config.problems import InputError
 from pipeline.config.sweep import GRIDS, Dimension, Sweep, taken
@@ -18,6 +16,7 @@ from pipeline.drawing.style import svg_uri
 from pipeline.stages.datasets.responses import Responses
 from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.mesh.products import RockData, Standing
+from pipeline.stages.motions.motion_grid import MotionData
 from pipeline.stages.studies.sweeps import sweep_figures as figures
 from pipeline.stages.studies.sweeps.changes import (
     BOUNDARY,
@@ -34,7 +33,6 @@ from pipeline.stages.studies.sweeps.changes import (
 from pipeline.workflow import graph, pages, writers
 from pipeline.workflow.datasets import described, netcdf, read
 from pipeline.workflow.grammar import listed
-from pipeline.workflow.keys import digest
 from pipeline.workflow.registry import upstream
 from pipeline.workflow.stage import Job, Product, Work
 from pipeline.workflow.sweeps import DATA, PAGE, Swept
@@ -196,7 +194,7 @@ def _by_record(swept: Swept, parts: list[xr.Dataset]) -> list[xr.Dataset]:
     if not any("record" in part for part in parts):
         return parts
     own = [
-        _known(swept.jobs[member.place].site, part)
+        _known(swept.jobs[member.place], part)
         for member, part in zip(swept.sweep.members, parts, strict=True)
     ]
     reference, ratios = swept.sweep.members.index(swept.sweep.reference), dict[str, float]()
@@ -212,14 +210,13 @@ def _by_record(swept: Swept, parts: list[xr.Dataset]) -> list[xr.Dataset]:
     ]
 
 
-def _known(site: Site, part: xr.Dataset) -> list[str]:
-    """What tells the records of a member from others of their names: digests of their files."""
+def _known(job: Job, part: xr.Dataset) -> list[str]:
+    """What tells the records of a member from others of their names."""
     if "record" not in part:
         return []
-    files = graph.identities("motions", site)["motions"].facts["inputs"]
-    of_file = {Path(name).stem: known for name, known in files.items()}
-    names: list[str] = part["record"].values.tolist()
-    return [f"{name} {of_file.get(name) or digest(files)}" for name in names]
+    motions = MotionData.load(job.store).data
+    found: list[str] = motions["record_digest"].sel(record=part["record"].values).values.tolist()
+    return [f"{one} {found[:place].count(one)}" for place, one in enumerate(found)]
 
 
 def _files(job: Job, stage: str) -> tuple[str, ...]:

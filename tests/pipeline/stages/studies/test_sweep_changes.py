@@ -95,6 +95,12 @@ def test_sentences_tell_a_change_from_its_error() -> None:
     assert "At 4 nothing topples up to the highest PGA tried." in said
 
 
+def test_what_topples_beyond_the_grid_topples() -> None:
+    said = about(SIZE, compared([NEVER] * 4, [(1.4, 1.6)] * 4), None)
+    assert "No PGV/PGA level has a boundary at both" in said
+    assert "At 1 nothing topples up to the highest PGA tried." in said
+
+
 def test_levels_that_no_longer_topple_are_named_beside_a_place_where_nothing_does() -> None:
     same = [(0.3, 0.4)] * 4
     three = Dimension("size", {"rock.radius": (1, 4, 9)}, ("1", "4", "9"), 0, gridded=False)
