@@ -84,14 +84,15 @@ def identity(
     above : dict, keys of the products that it needs
     """
     config = {key: values.plain(key) for key in sorted(settings_of(stage.make))}
-    return made_from(stage, config, _digests(inputs), above, inputs)
+    given = {path: one.digests_as_read() for path, one in inputs.items() if one is not None}
+    return made_from(stage, config, _by_name(given), above, inputs)
 
 
-def _digests(inputs: dict[str, Input | None]) -> dict[str, str]:
+def _by_name(given: dict[str, dict[str, str]]) -> dict[str, str]:
     """Digests of what is read, by its name."""
     digests: dict[str, str] = {}
-    for path, one in inputs.items():
-        for name, digest in (one.digests() if one is not None else {}).items():
+    for path, one in given.items():
+        for name, digest in one.items():
             digests[f"{name} ({path})" if name in digests else name] = digest
     return digests
 
@@ -308,7 +309,8 @@ class _Making:
 def _check_unedited(stage: Stage, own: Identity, job: Job) -> None:
     """Refuse what was made of files of which some are not those of its key any more."""
     of_pages = {name: own.facts["inputs"][name] for name in stage.files}
-    check_same(own, {"inputs": _digests(own.inputs) | of_pages}, job)
+    given = {path: one.digests() for path, one in own.inputs.items() if one is not None}
+    check_same(own, {"inputs": _by_name(given) | of_pages}, job)
 
 
 def check_same(own: Identity, now: dict[str, Any], job: Job) -> None:

@@ -111,7 +111,11 @@ class Input(ABC):
 
     @abstractmethod
     def digests(self) -> dict[str, str]:
-        """What tells it from others, by name."""
+        """What tells it from others now, by name."""
+
+    def digests_as_read(self) -> dict[str, str]:
+        """Those before its files were read; if finding it read none, those now."""
+        return self.digests()
 
     def get_ready(self) -> None:  # noqa: B027 (most need nothing)
         """Load what it needs, while other stages are made."""

@@ -106,20 +106,19 @@ class Curves(Input):
     """
 
     path: Path
+    before: dict[str, str]
     model: HazardModel
     events: Events | None
     disaggregated: Path | None
     about: str
     unused: tuple[str, ...]
 
+    def digests_as_read(self) -> dict[str, str]:
+        return self.before
+
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
-        found = files(self.path)
-        if self.events is not None:
-            found = [*event_files.files(self.path), *self.path.glob(ABOUT)]
-        if self.disaggregated is not None:
-            found += [one for one in disaggregation_files(self.disaggregated) if one not in found]
-        return {_name(path): digest_file(path) for path in found}
+        return _digests(self.path, self.disaggregated, of_events=self.events is not None)
 
 
 def find(hazard: HazardConfig, origin: Origin) -> Curves:
@@ -138,21 +137,32 @@ def find(hazard: HazardConfig, origin: Origin) -> Curves:
             given = "events beside curves"
             raise InputError(Problem(file, "hazard.events", given, rule, "set one of them to null"))
         path = _located(origin, "events", hazard.events)
-        simulated = event_files.load(path, hazard.effective_time)
-        found, events = simulated.model, simulated.events
     else:
         assert hazard.curves is not None
-        path, events = _located(origin, "curves", hazard.curves), None
-        found = load(path)
+        path = _located(origin, "curves", hazard.curves)
     disaggregated = None
     if hazard.disaggregation is not None:
         disaggregated = _located(origin, "disaggregation", hazard.disaggregation)
     elif path.is_dir() and disaggregation_files(path):
         disaggregated = path
+    before = _digests(path, disaggregated, of_events=hazard.events is not None)
+    if hazard.events is not None:
+        simulated = event_files.load(path, hazard.effective_time)
+        found, events = simulated.model, simulated.events
+    else:
+        found, events = load(path), None
     unused = found.unused
     if disaggregated is not None:
         unused += load_disaggregation(disaggregated).unused
-    return Curves(path, found, events, disaggregated, about(path), unused)
+    return Curves(path, before, found, events, disaggregated, about(path), unused)
+
+
+def _digests(path: Path, disaggregated: Path | None, *, of_events: bool) -> dict[str, str]:
+    """Digests of the files, by their names."""
+    found = [*event_files.files(path), *path.glob(ABOUT)] if of_events else files(path)
+    if disaggregated is not None:
+        found += [one for one in disaggregation_files(disaggregated) if one not in found]
+    return {_name(path): digest_file(path) for path in found}
 
 
 def _name(path: Path) -> str:

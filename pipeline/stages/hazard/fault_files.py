@@ -80,8 +80,12 @@ class Faults(Input):
     """
 
     files: tuple[Path, ...]
+    before: dict[str, str]
     faults: tuple[Fault, ...]
     model: GroundMotionTable | None
+
+    def digests_as_read(self) -> dict[str, str]:
+        return self.before
 
     def digests(self) -> dict[str, str]:
         return digests_of(self.files)
@@ -103,8 +107,10 @@ def find(
         file, rule = origin.file_of("hazard.faults"), "the chance to survive faults is for an age"
         remedy = "give AGE=years AGE_SD=years (--age, --age-sd), or set the key"
         raise InputError(Problem(file, "hazard.age", "nothing", rule, remedy))
+    files = tuple(found.values())
     return Faults(
-        tuple(found.values()),
+        files,
+        digests_of(files),
         _faults(found["faults"]) if "faults" in found else (),
         _model(found["ground_motion"]) if "ground_motion" in found else None,
     )

@@ -263,8 +263,12 @@ class MotionFiles(Input):
     """
 
     paths: tuple[Path, ...]
+    before: dict[str, str]
     records: tuple[Ready, ...] = ()
     tables: table_motions.Loaded | None = None
+
+    def digests_as_read(self) -> dict[str, str]:
+        return self.before
 
     def digests(self) -> dict[str, str]:
         return keys.digests_of(self.paths)
@@ -274,17 +278,18 @@ def find(motion: MotionConfig, origin: Origin) -> MotionFiles | None:
     """The files of a site's motions; what cannot be used is refused."""
     if isinstance(motion, RecordConfig):
         if motion.files is None:
-            ready = component_inputs.load(origin, motion)
-            paths = component_inputs.find(origin, motion)
+            paths, load = component_inputs.find(origin, motion), component_inputs.load
         else:
-            ready = record_inputs.load(origin, motion)
-            paths = record_inputs.find(origin, motion.files)
+            paths, load = record_inputs.find(origin, motion.files), record_inputs.load
         if motion.response is not None:
             paths.append(record_inputs.response_file(origin, motion))
-        return MotionFiles(tuple(dict.fromkeys(paths)), ready)
+        paths = list(dict.fromkeys(paths))
+        before = keys.digests_of(paths)
+        return MotionFiles(tuple(paths), before, load(origin, motion))
     if isinstance(motion, TableMotionConfig) and motion.files is not None:
         paths = record_inputs.find(origin, motion.files)
-        return MotionFiles(tuple(paths), tables=table_motions.of_files(origin, paths))
+        before = keys.digests_of(paths)
+        return MotionFiles(tuple(paths), before, tables=table_motions.of_files(origin, paths))
     return None
 
 

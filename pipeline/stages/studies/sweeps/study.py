@@ -191,7 +191,7 @@ def _by_record(swept: Swept, parts: list[xr.Dataset]) -> list[xr.Dataset]:
     A record processed otherwise has a PGV/PGA that is a little different, and is the same record;
     another of its name is not. Pulses are rows without a record.
     """
-    if not any("record" in part for part in parts):
+    if not any("record" in part and "pgv_pga" in part.dims for part in parts):
         return parts
     own = [
         _known(swept.jobs[member.place], part)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import xarray as xr
 
 from pipeline.config.sweep import Dimension
 from pipeline.stages.studies.sweeps.changes import Change, about, changes, collapsed, spread
+from pipeline.stages.studies.sweeps.study import _by_record
 from vsr_core import GRAVITY
 from vsr_core.fragility.boundary import middle
 
@@ -99,6 +102,15 @@ def test_what_topples_beyond_the_grid_topples() -> None:
     said = about(SIZE, compared([NEVER] * 4, [(1.4, 1.6)] * 4), None)
     assert "No PGV/PGA level has a boundary at both" in said
     assert "At 1 nothing topples up to the highest PGA tried." in said
+
+
+def test_runs_by_their_number_are_no_rows_of_records() -> None:
+    """As displacements are kept: a run has its record and PGV/PGA beside it."""
+    runs = xr.Dataset({"record": ("run", ["a", "b"]), "pgv_pga": ("run", [0.1, 0.2])})
+    swept: Any = None
+    for parts in ([runs, runs], [runs.drop_vars("record"), runs]):
+        for found, part in zip(_by_record(swept, parts), parts, strict=True):
+            xr.testing.assert_identical(found, part)
 
 
 def test_levels_that_no_longer_topple_are_named_beside_a_place_where_nothing_does() -> None:

@@ -1,0 +1,96 @@
+"""Files of a user that are written over while a command reads them."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import Ran
+from support import record_files
+
+from pipeline import ROOT
+from pipeline.config.layers import load_site
+from pipeline.stages.hazard import curve_folder, fault_files
+from pipeline.stages.motions import record_inputs, table_motions
+from pipeline.workflow import graph, keys
+
+BOX = "rock: {shape: box, size: [0.5, 0.5, 1.0], density: 2110}\n"
+ORDER = "processing: {order: none, highpass: null, lowpass: null}"
+RECORDS = f"motion: {{kind: record, files: wave.csv, pga: [1], {ORDER}}}\n"
+TABLE = "motion: {kind: table, files: moves.csv, pga: [1]}\n"
+HAZARD = "hazard: {curves: curves, faults: faults.csv, age: {kind: normal, mean: 900}}\n"
+
+
+@pytest.fixture
+def inputs(tmp_path: Path) -> Path:
+    """Some of each kind that is read before anything is made of it."""
+    made_up = ROOT / "data" / "raw" / "hazard"
+    shutil.copytree(made_up / "made_up", tmp_path / "curves")
+    shutil.copy(made_up / "made_up_faults.csv", tmp_path / "faults.csv")
+    wave = 3.0 * np.cos(np.linspace(0.0, 2.0 * np.pi, 401))
+    (tmp_path / "wave.csv").write_text(record_files.csv(wave, 0.005))
+    time = np.linspace(0.0, 2.0, 401)
+    rows = np.column_stack([time, 0.1 * (1.0 - np.cos(np.pi * time))])
+    np.savetxt(tmp_path / "moves.csv", rows, "%.9g", ",", header="time [s],x [m]", comments="")
+    return tmp_path
+
+
+def edited_once_read(
+    monkeypatch: pytest.MonkeyPatch, module: ModuleType, function: str, path: Path
+) -> None:
+    read = getattr(module, function)
+
+    def read_and_edited(*given: Any) -> Any:
+        found = read(*given)
+        path.write_bytes(path.read_bytes() + b"# later\n")
+        return found
+
+    monkeypatch.setattr(module, function, read_and_edited)
+
+
+@pytest.mark.parametrize(
+    ("product", "text", "module", "function", "name"),
+    [
+        ("motions", RECORDS, record_inputs, "read", "wave.csv"),
+        ("motions", TABLE, table_motions, "load", "moves.csv"),
+        ("hazard", HAZARD, curve_folder, "load", "curves/hazard_curve-rlz-000-PGA_1.csv"),
+        ("exclusion", HAZARD, fault_files, "_faults", "faults.csv"),
+    ],
+)
+def test_the_key_is_of_what_was_read(
+    product: str,
+    text: str,
+    module: ModuleType,
+    function: str,
+    name: str,
+    inputs: Path,
+    write_site: Callable[..., str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    site, old = write_site(BOX + text), keys.digest_file(inputs / name)
+    edited_once_read(monkeypatch, module, function, inputs / name)
+    own = graph.identities(product, load_site(site))[product]
+    assert old != keys.digest_file(inputs / name)
+    assert own.facts["inputs"][Path(name).name] == old
+
+
+def test_a_record_that_is_written_while_it_is_read_makes_nothing(
+    inputs: Path,
+    write_site: Callable[..., str],
+    vsr: Callable[..., Ran],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    site = write_site(BOX + RECORDS)
+    with monkeypatch.context() as patch:
+        edited_once_read(patch, record_inputs, "read", inputs / "wave.csv")
+        ran = vsr("run", "motions", "--site", site)
+    assert ran.code == 2
+    assert "wave.csv edited while a command that reads it was at work" in ran.err
+    assert not (derived / "rock" / "motions.nc").exists()
+    assert vsr("run", "motions", "--site", site).code == 0
