@@ -47,6 +47,9 @@ PADS = 1.5
 MOST_OF_OFFSET = 0.05
 """Share of PGV that the ends of a record's offset may have."""
 
+STILL = 1e-3
+"""Share of its largest acceleration up to which the ends of a record are padding."""
+
 FEWEST = 16
 """Samples that a record has at least."""
 
@@ -102,21 +105,18 @@ def process(acceleration: Array, interval: float, how: Processing) -> Trace:
 
 
 def _check_offset(acceleration: Array, interval: float, how: Processing, passed: Array) -> None:
-    known = np.flatnonzero(acceleration)
+    largest = float(np.abs(acceleration).max())
+    known = np.flatnonzero(np.abs(acceleration) > STILL * largest)
     if not known.size:
         return
-    of_record = slice(known[0], known[-1] + 1)  # between zeros that others put at its ends
-    samples = acceleration[of_record]
-    offset, few = float(samples.mean()), max(len(samples) // 50, 1)
-    ends = float(np.sqrt(np.square(samples[np.r_[:few, -few:0]]).mean()))
-    if ends < 0.5 * abs(offset):
-        return  # it begins and ends at rest: a mean is a velocity that is left
-    step = np.zeros_like(acceleration)
+    of_record = slice(known[0], known[-1] + 1)  # between what others put at its ends
+    # A ground that rests before and after has no mean acceleration.
+    offset, step = float(acceleration[of_record].mean()), np.zeros_like(acceleration)
     step[of_record] = offset
     of_offset = _passed(step, interval, how)
     own, whole = (float(np.abs(Trace(one, interval).velocity).max()) for one in (of_offset, passed))
     if own > MOST_OF_OFFSET * whole:
-        share = abs(offset) / float(np.abs(acceleration).max())
+        share = abs(offset) / largest
         given = f"an offset of {100.0 * share:.2g} % of its largest acceleration"
         rule = f"order {how.order} takes none off, and where it begins and ends it would count as "
         rule += f"shaking of {100.0 * own / whole:.0f} % of PGV"
