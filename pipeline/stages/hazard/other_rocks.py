@@ -152,7 +152,8 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
         if stage.name == origin.name:  # whose folder would be taken for that of the site
             rule = "each rock, and each of its stages, has a name of its own"
             file, given = origin.file_of("hazard.rocks"), f"a stage named {stage.name}"
-            raise InputError(Problem(file, "hazard.rocks", given, rule, "rename one"))
+            remedy = "rename one, or leave it out"
+            raise InputError(Problem(file, "hazard.rocks", given, rule, remedy))
     for key, others in (("hazard.history", earlier), ("hazard.rocks", rocks)):
         for other in others:
             if other.name in named:

@@ -77,7 +77,7 @@ def test_same_bytes_for_any_workers_and_batches(
         assert responses(f"{workers}-{batch}", workers).read_bytes() == one
 
 
-@pytest.mark.slow  # deadly items in tests/faults/test_workers.py are of the quick suite
+@pytest.mark.slow  # the run that crashes, below, is of the quick suite
 @pytest.mark.parametrize("way", ["kill", "exit"])
 def test_item_that_kills_its_worker_comes_back_alone(way: str) -> None:
     def work(shared: int, items: tuple[int, ...]) -> list[int]:
