@@ -96,19 +96,21 @@ def column(name: str, place: int = 1) -> Record:
 
 LEVEL = """
 u | v | V | GBZ_180 | acc_x | vel | acc_ver2 | H1 (Az 90) | Az 45 | H1 Az N60E | acc (g) | HN1 |
-90 (2)
+90 (2) | 45 deg az | H1 090 Az | 090 AZ | E.1 | acc.x.g
 """.replace("\n", "")
 
 DOUBTFUL = """
 up-stream | x (up) | GNZ_180 | GLZ 000 | THZ_E | MLZ 90 | GNZ 000 | Down hole 090 | DN_090 |
-VER 090 | x (z up) | East (Z down) | HNZ 10 | UP 090 | vert. array 1 east
+VER 090 | x (z up) | East (Z down) | HNZ 10 | UP 090 | vert. array 1 east |
+az_raw | az_mps2 | Az corrected | AZ_SENSOR3 | z.filt | acc_z_raw | UD raw
 """
 
 VERTICAL = """
 z [m/s2] | acc_z | acceleration_UD | vert acc | up (1) | a (Z) | accz | acc_up | acc up | a_down |
 Up-Down | UP/DOWN | up_down (g) | accelerationZ | hnz | az | az1 | az 1 | zacc | UpDn | Up m/s^2 |
 THZ_Z | acc_up m/s2 | z_001 | UD 002 | HNZ_001 | CH1_UP | CH1 Z | CH2 vertical | DWN 002 | V2 UP |
-acc_down 001 | COMP UP | Channel 3 vertical | G02-UP | station 090 up
+acc_down 001 | COMP UP | Channel 3 vertical | G02-UP | station 090 up |
+UD.1 | acc.z.g | UD.gal | HNZ.00 | az.1 | a_z | az_ms2
 """
 
 

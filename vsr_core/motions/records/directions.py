@@ -17,14 +17,17 @@ _VERTICAL = re.compile(
 """Words for vertical channels: of networks' files, SEED's among them, and of columns."""
 
 _ALONG_Z = re.compile("AZ[0-9]?", re.IGNORECASE)
-"""As well, but beside others it is an azimuth."""
+"""As well, but beside a bearing it is an azimuth."""
+
+_BEARING = re.compile("[0-9]{2,}|[NS][0-9]{1,2}[EW]", re.IGNORECASE)
 
 _DOWN = re.compile("(DOWN|DWN|DN)[0-9]?", re.IGNORECASE)
 
 _SAYS_NOTHING = re.compile(
-    "A|ACC(EL(ERATION)?)?|(CH(ANNEL)?|COMP(ONENT)?)[0-9]*|[0-9]|00[1-4]", re.IGNORECASE
+    "A|ACC(EL(ERATION)?)?|(CH(ANNEL)?|COMP(ONENT)?)[0-9]*|[0-9]|00[1-4]?|M?G|GALS?|[CM]?MS2",
+    re.IGNORECASE,
 )
-"""Words of a name, numbers of sensors among them, that are about no direction."""
+"""Words of a name, numbers of sensors and units among them, that are about no direction."""
 
 _UNIT = re.compile(r"\bc?m/s\S*")
 
@@ -99,7 +102,7 @@ def _name(record: Record) -> str:
     """The name of its channel, without the station's before it."""
     name = record.channels[0]
     code = name.rpartition(".")[2]
-    return code if code.isalnum() else name
+    return code if record.instruments and code.isalnum() else name
 
 
 def _is_vertical(name: str) -> bool:
@@ -110,8 +113,7 @@ def _is_vertical(name: str) -> bool:
     >>> [_is_vertical(name) for name in ("V", "x (up)", "up-dip", "GBZ_180", "H1 (Az 90)")]
     [False, False, False, False, False]
     """
-    word = _deciding(name)
-    return bool(_VERTICAL.fullmatch(word) or _ALONG_Z.fullmatch(word))
+    return _deciding(name) in _vertical_words(name)
 
 
 def _points_down(name: str) -> bool:
@@ -129,11 +131,21 @@ def _deciding(name: str) -> str:
     >>> [_deciding(name) for name in ("CH1_UP", "DN 090", "acc z (1)", "a (Z)", "U-D", "acc")]
     ['UP', '090', 'accz', 'Z', 'UD', '']
     """
-    whole = _plain(name)
-    if _VERTICAL.fullmatch(whole):
-        return whole
     words = [word for word in _words(name) if not _SAYS_NOTHING.fullmatch(word)]
     return words[-1] if words else ""
+
+
+def _vertical_words(name: str) -> list[str]:
+    """Those that mean vertical.
+
+    >>> _vertical_words("az_raw"), _vertical_words("H1 (Az 90)")
+    (['az'], [])
+    """
+    words = _words(name)
+    known = [_VERTICAL]
+    if not any(map(_BEARING.fullmatch, words)):
+        known += [_ALONG_Z]
+    return [word for word in words if any(one.fullmatch(word) for one in known)]
 
 
 def _plain(name: str) -> str:
@@ -146,14 +158,15 @@ def _plain(name: str) -> str:
 
 
 def _words(name: str) -> list[str]:
-    """Those in brackets first.
+    """Those in brackets first; a word that is parted by its letters is one.
 
-    >>> _words("acc_up m/s2"), _words("East (Z down)")
-    (['acc', 'up'], ['Z', 'down', 'East'])
+    >>> _words("acc_up m/s2"), _words("East (Z down)"), _words("U-D (1)")
+    (['acc', 'up'], ['Z', 'down', 'East'], ['1', 'UD'])
     """
-    name = _UNIT.sub("", name)
-    inside = _AFTER.search(name)
-    return re.findall(r"[^\W_]+", f"{inside[1] if inside else ''} {_AFTER.sub('', name)}")
+    bare, whole = _UNIT.sub("", name), _plain(name)
+    inside = _AFTER.search(bare)
+    bare = whole if _VERTICAL.fullmatch(whole) else _AFTER.sub("", bare)
+    return re.findall(r"[^\W_]+", f"{inside[1] if inside else ''} {bare}")
 
 
 def _told(components: Mapping[str, Record]) -> dict[str, Direction]:
@@ -202,7 +215,7 @@ def doubts(components: Mapping[str, Record]) -> list[str]:
     found = [
         f"{name} as {axis} is taken as horizontal, though {words[0]} may mean vertical"
         for axis, name in names.items()
-        if (words := list(filter(_VERTICAL.fullmatch, _words(name))))
+        if (words := _vertical_words(name))
     ]
     told = _told(components)
     for axis in sorted(told.keys() & names):
