@@ -70,5 +70,11 @@ def not_found(file: str, key: str, path: object) -> InputError:
     return InputError(Problem(file, key, "", f"file not found: {path}", "check the path"))
 
 
+def edited_since(file: str, given: str) -> InputError:
+    """What a command ends with where its settings or files changed under it."""
+    rule = "files stay as they are until their command has ended"
+    return InputError(Problem(file, "", given, rule, "give the same command again"))
+
+
 class Unfinished(Exception):
     """Work that something outside ended early; what was done is kept; exit code 1."""

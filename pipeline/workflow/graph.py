@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pipeline.config.layers import Site
-from pipeline.config.problems import InputError, Problem
+from pipeline.config.problems import InputError, Problem, edited_since
 from pipeline.workflow import aside, keys, pages, site_folder
 from pipeline.workflow.grammar import counted, listed
 from pipeline.workflow.log import complain
@@ -319,12 +319,6 @@ def check_same(own: Identity, now: dict[str, Any], job: Job) -> None:
     if edited:
         given = f"{listed(edited)} while a command that reads it was at work"
         raise edited_since(job.site.file, given)
-
-
-def edited_since(file: str, given: str) -> InputError:
-    """What a command ends with where its settings or files changed under it."""
-    rule = "files stay as they are until their command has ended"
-    return InputError(Problem(file, "", given, rule, "give the same command again"))
 
 
 def work_of(stage: str, key: str, job: Job) -> Work:

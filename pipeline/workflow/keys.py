@@ -5,13 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from pipeline.config.outside import check_file
+from pipeline.config.outside import check_file, held
+from pipeline.config.paths import shown
+from pipeline.config.problems import InputError, edited_since
 
 _SIZE = 16
 
@@ -62,11 +64,46 @@ def digest_file(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def content_of(path: Path, known: str, largest: int) -> bytes:
+    """What a file holds, which is what its digest was taken of.
+
+    Raises
+    ------
+    InvalidInput, InputError
+        For a file that cannot be read, and for one that was written over since.
+    """
+    found = held(path, largest)
+    if hashlib.sha256(found).hexdigest() != known:
+        raise _written_over(path)
+    return found
+
+
+def check_same(path: Path, files: Iterable[Path], known: Sequence[str]) -> None:
+    """Refuse files, or a folder of them, of which some were written over since their digests."""
+    if [*map(digest_file, files)] != [*known]:
+        raise _written_over(path)
+
+
+def _written_over(path: Path) -> InputError:
+    return edited_since(shown(path), "what was edited while a command that reads it was at work")
+
+
 def digests_of(paths: Sequence[Path]) -> dict[str, str]:
     """Digests of files by their names, those of one name by their numbers, too."""
-    known = Counter(path.name for path in paths)
-    names = (f"{n} " * (known[path.name] > 1) + path.name for n, path in enumerate(paths))
-    return {name: digest_file(path) for name, path in zip(names, paths, strict=True)}
+    return by_name({path: digest_file(path) for path in paths})
+
+
+def by_name(digests: Mapping[Path, str]) -> dict[str, str]:
+    """The same of files whose digests are known.
+
+    >>> by_name({Path("a/r.csv"): "1", Path("b/r.csv"): "2", Path("s.csv"): "3"})
+    {'0/r.csv': '1', '1/r.csv': '2', 's.csv': '3'}
+    """
+    twice = Counter(path.name for path in digests)
+    return {
+        f"{n}/" * (twice[path.name] > 1) + path.name: own
+        for n, (path, own) in enumerate(digests.items())
+    }
 
 
 @cache

@@ -17,6 +17,7 @@ from pipeline import ROOT
 from pipeline.config.layers import load_site
 from pipeline.stages.hazard import curve_folder, fault_files
 from pipeline.stages.motions import record_inputs, table_motions
+from pipeline.stages.motions.motion_grid import MotionFiles
 from pipeline.workflow import graph, keys
 
 BOX = "rock: {shape: box, size: [0.5, 0.5, 1.0], density: 2110}\n"
@@ -94,3 +95,47 @@ def test_a_record_that_is_written_while_it_is_read_makes_nothing(
     assert "wave.csv edited while a command that reads it was at work" in ran.err
     assert not (derived / "rock" / "motions.nc").exists()
     assert vsr("run", "motions", "--site", site).code == 0
+
+
+def test_what_was_saved_for_a_moment_is_not_kept(
+    inputs: Path,
+    write_site: Callable[..., str],
+    vsr: Callable[..., Ran],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Another record, while it was read: the file has its old content before and afterwards."""
+    site, wave, held = write_site(BOX + RECORDS), inputs / "wave.csv", keys.held
+    text = wave.read_bytes()
+
+    def held_for_a_moment(path: Path, largest: int) -> bytes:
+        wave.write_bytes(text.replace(b"3,", b"4,"))
+        found = held(path, largest)
+        wave.write_bytes(text)
+        return found
+
+    with monkeypatch.context() as patch:
+        patch.setattr(keys, "held", held_for_a_moment)
+        ran = vsr("run", "motions", "--site", site)
+    assert ran.code == 2
+    assert "edited while a command that reads it was at work" in ran.err
+    assert vsr("run", "motions", "--site", site).code == 0
+
+
+def test_a_record_that_comes_while_others_are_read_waits_for_the_next_command(
+    inputs: Path, write_site: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (inputs / "waves").mkdir()
+    (inputs / "wave.csv").rename(inputs / "waves" / "wave.csv")
+    digest_file = keys.digest_file
+
+    def digest_as_one_comes(path: Path) -> str:
+        late = record_files.csv(np.cos(np.linspace(0.0, 2.0 * np.pi, 201)), 0.005)
+        (inputs / "waves" / "late.csv").write_text(late)
+        return digest_file(path)
+
+    monkeypatch.setattr(keys, "digest_file", digest_as_one_comes)
+    site = load_site(write_site(BOX + RECORDS.replace("wave.csv", "waves")))
+    own = graph.identities("motions", site)["motions"]
+    (found,) = (one for one in own.inputs.values() if isinstance(one, MotionFiles))
+    assert [one.name for one in found.records] == ["wave"]
+    assert "late.csv" not in own.facts["inputs"]

@@ -22,7 +22,7 @@ from pipeline.stages.hazard.hazard_model import (
     model,
 )
 from pipeline.workflow.grammar import counted
-from pipeline.workflow.keys import digest_file
+from pipeline.workflow.keys import check_same, digest_file
 from vsr_core.arrays import Array, Indices
 from vsr_core.hazard.events import Events, Ruptures, distance_of
 
@@ -60,7 +60,7 @@ def load(path: Path, years: float | None) -> EventSet:
 
 
 @lru_cache(maxsize=1)
-def _loaded(path: Path, digests: object, given: float | None) -> EventSet:
+def _loaded(path: Path, digests: tuple[str, ...], given: float | None) -> EventSet:
     """The same, once for all that ask for it in a process."""
     in_file = path.is_file() and path.suffix in openquake.SUFFIXES
     told = event_calculation.tables(path) if in_file else event_tables.of_folder(path)
@@ -79,6 +79,7 @@ def _loaded(path: Path, digests: object, given: float | None) -> EventSet:
         years,
         ruptures,
     )
+    check_same(path, files(path), digests)
     unused = list(told.unused)
     if weak := len(known["event_id"]) - len(at):
         unused.append(f"{counted(weak, 'event')} without a row of shaking, as too weak")

@@ -15,7 +15,7 @@ from pipeline.config.hazard_schema import Age, Comparison, HazardConfig, HazardR
 from pipeline.config.layers import Origin, Site, load_site, one_by_one
 from pipeline.config.observation_schema import Observations
 from pipeline.config.paths import located, shown
-from pipeline.config.problems import InputError, Problem
+from pipeline.config.problems import InputError, Problem, edited_since
 from pipeline.stages.archive import shipped_equations
 from pipeline.stages.archive.archived_rock import answered
 from pipeline.stages.fragility.summary import Fits
@@ -88,7 +88,7 @@ class Other:
         manifest = Store(folder).manifest(self.stage)
         if manifest is None or manifest["key"] != self.key:
             given = f"{self.stage} of other files or settings than {self.site.name} has by now"
-            raise graph.edited_since(str(folder), given)
+            raise edited_since(str(folder), given)
         return of_members(EnsembleData(folder).data) if self.uncertain else of_fits(Fits(folder))
 
 

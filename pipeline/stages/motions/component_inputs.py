@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from pipeline.stages.motions.record_inputs import (
     Ready,
     check_file,
     each,
+    identity,
     in_order,
     processed,
     read,
@@ -26,7 +26,6 @@ from pipeline.stages.motions.record_inputs import (
     refuse_twice,
     response_of,
 )
-from pipeline.workflow.keys import digest, digest_file
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.components import Components, check_together
 from vsr_core.motions.records.directions import doubts
@@ -44,13 +43,12 @@ def find(origin: Origin, motion: RecordConfig) -> list[Path]:
     return [path for one in motion.records or () for path in _files(origin, one)]
 
 
-def load(origin: Origin, motion: RecordConfig) -> tuple[Ready, ...]:
-    """The records of a site, processed."""
+def load(origin: Origin, motion: RecordConfig, known: Mapping[Path, str]) -> tuple[Ready, ...]:
+    """The records of a site, processed; the digests of their files are known."""
     files = tuple(
-        tuple((path, digest_file(path)) for path in _files(origin, one))
-        for one in motion.records or ()
+        tuple((path, known[path]) for path in _files(origin, one)) for one in motion.records or ()
     )
-    return _loaded(origin.file_of(_KEY), files, response_of(origin, motion), motion)
+    return _loaded(origin.file_of(_KEY), files, response_of(origin, motion, known), motion)
 
 
 def _files(origin: Origin, one: ComponentsConfig) -> list[Path]:
@@ -73,11 +71,10 @@ def _loaded(
 ) -> tuple[Ready, ...]:
     ready, problems = [], []
     for one, found in zip(motion.records or (), files, strict=True):
-        paths, digests = zip(*found, strict=True)
         try:
-            ready.append(_ready(one, paths, digests, response, motion))
+            ready.append(_ready(one, found, response, motion))
         except InvalidInput as error:
-            given = f"{', '.join(map(shown, paths))}: {error.given}"
+            given = f"{', '.join(shown(path) for path, _ in found)}: {error.given}"
             problems.append(Problem(file, _KEY, given, error.rule, error.remedy))
     if problems:
         raise InputError(*problems)
@@ -89,13 +86,12 @@ def _loaded(
 
 def _ready(
     one: ComponentsConfig,
-    paths: Sequence[Path],
-    digests: Sequence[str],
+    files: Sequence[tuple[Path, str]],
     response: bytes | None,
     motion: RecordConfig,
 ) -> Ready:
     """A record, each of its components repaired and processed as one alone."""
-    found = _channels(one, paths, response, motion)
+    found = _channels(one, files, response, motion)
     check_together(found)
     fixed, traces = {}, {}
     for axis, record in found.items():
@@ -114,9 +110,9 @@ def _ready(
         for axis, record in fixed.items()
     )
     return Ready(
-        paths[0].stem,
-        ", ".join(map(shown, paths)),
-        _digest(found, digests),
+        files[0][0].stem,
+        ", ".join(shown(path) for path, _ in files),
+        identity(files[0][1], next(iter(found.values()))),
         replace(fixed[main], repairs=tuple(repairs)),
         traces[main],
         measures(traces[main]),
@@ -126,23 +122,20 @@ def _ready(
     )
 
 
-def _digest(found: Mapping[str, Record], digests: Sequence[str]) -> str:
-    """That of the horizontal components, as one without its vertical is the same record."""
-    of_files = zip(found, digests, strict=True) if len(digests) > 1 else product(found, digests)
-    return digest([(axis, own, found[axis].channels[0]) for axis, own in of_files if axis != "z"])
-
-
 def _channels(
-    one: ComponentsConfig, paths: Sequence[Path], response: bytes | None, motion: RecordConfig
+    one: ComponentsConfig,
+    files: Sequence[tuple[Path, str]],
+    response: bytes | None,
+    motion: RecordConfig,
 ) -> dict[str, Record]:
-    """The components as read, by their axes."""
+    """The components as read, by their axes, x first."""
     if one.file is None:
         assert one.components is not None
         return {
-            axis: read(path, response, motion).channel(motion.component)
-            for axis, path in zip(one.components.named, paths, strict=True)
+            axis: read(*file, response, motion).channel(motion.component)
+            for axis, file in zip(one.components.named, files, strict=True)
         }
-    whole = read(paths[0], response, motion)
+    whole = read(*files[0], response, motion)
     named = _by_code(whole.channels) if one.components is None else one.components.named
     return {axis: whole.channel(name) for axis, name in named.items()}
 

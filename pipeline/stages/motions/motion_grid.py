@@ -281,11 +281,9 @@ def find(motion: MotionConfig, origin: Origin) -> MotionFiles | None:
             paths, load = component_inputs.find(origin, motion), component_inputs.load
         else:
             paths, load = record_inputs.find(origin, motion.files), record_inputs.load
-        if motion.response is not None:
-            paths.append(record_inputs.response_file(origin, motion))
-        paths = list(dict.fromkeys(paths))
-        before = keys.digests_of(paths)
-        return MotionFiles(tuple(paths), before, load(origin, motion))
+        response = record_inputs.response_file(origin, motion)
+        known = {path: keys.digest_file(path) for path in (*paths, response) if path is not None}
+        return MotionFiles(tuple(known), keys.by_name(known), load(origin, motion, known))
     if isinstance(motion, TableMotionConfig) and motion.files is not None:
         paths = record_inputs.find(origin, motion.files)
         before = keys.digests_of(paths)

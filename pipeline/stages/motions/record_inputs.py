@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
@@ -14,11 +14,11 @@ import numpy as np
 
 from pipeline.config.layers import Origin
 from pipeline.config.motion_schema import RecordConfig
-from pipeline.config.outside import check_regular, content, held
+from pipeline.config.outside import check_regular
 from pipeline.config.paths import is_text, located, shown
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.workflow.grammar import listed
-from pipeline.workflow.keys import digest, digest_file
+from pipeline.workflow.keys import content_of, digest
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records import formats
 from vsr_core.motions.records.components import Components
@@ -50,7 +50,7 @@ class Ready:
 
     Attributes
     ----------
-    digest : str, of its files and channels, the horizontal ones, whatever is done to them
+    digest : str, of its file and channel, whatever is done to it and beside it
     record, trace, measures : of the larger horizontal component, as read and as processed
     components : of a record along several axes
     told : str, these in words
@@ -128,10 +128,15 @@ def check_file(path: Path) -> None:
     check_regular(path, LARGEST_FILE)
 
 
-def load(origin: Origin, motion: RecordConfig) -> tuple[Ready, ...]:
-    """The records of a site, processed."""
-    files = tuple((path, digest_file(path)) for path in find(origin, motion.files or ()))
-    response = response_of(origin, motion)
+def load(origin: Origin, motion: RecordConfig, known: Mapping[Path, str]) -> tuple[Ready, ...]:
+    """The records of a site, processed.
+
+    Parameters
+    ----------
+    known : mapping, from the files that were found, among others, to their digests
+    """
+    response = response_of(origin, motion, known)
+    files = tuple(one for one in known.items() if one[0] != response_file(origin, motion))
     return _loaded(origin.file_of(_FILES), files, response, motion)
 
 
@@ -162,18 +167,23 @@ def in_order(ready: list[Ready]) -> list[Ready]:
 
 
 def _ready(path: Path, content: str, response: bytes | None, motion: RecordConfig) -> Ready:
-    record = repaired(read(path, response, motion).channel(motion.component))
+    record = repaired(read(path, content, response, motion).channel(motion.component))
     check_directions({"x": record})
     trace, doubtful = processed(record, motion), tuple(doubts({"x": record}))
-    own = digest([content, record.channels[0]])
+    own = identity(content, record)
     return Ready(path.stem, shown(path), own, record, trace, measures(trace), doubts=doubtful)
 
 
-def read(path: Path, response: bytes | None, motion: RecordConfig) -> Record:
-    """All channels of a file."""
+def identity(content: str, record: Record) -> str:
+    """What a record is known by: its file, by its digest, and its channel."""
+    return digest([content, record.channels[0]])
+
+
+def read(path: Path, known: str, response: bytes | None, motion: RecordConfig) -> Record:
+    """All channels of a file of which the digest is known."""
     corners = None if motion.response is None else motion.response.corners
     reading = formats.Reading(motion.component, motion.unit, response, corners)
-    return formats.read_all(held(path, LARGEST_FILE), path.suffix, reading)
+    return formats.read_all(content_of(path, known, LARGEST_FILE), path.suffix, reading)
 
 
 def processed(record: Record, motion: RecordConfig) -> Trace:
@@ -198,16 +208,19 @@ def _same(one: Ready, other: Ready) -> bool:
     return bool(np.allclose(first, second, rtol=0.0, atol=1e-5))
 
 
-def response_of(origin: Origin, motion: RecordConfig) -> bytes | None:
+def response_of(origin: Origin, motion: RecordConfig, known: Mapping[Path, str]) -> bytes | None:
     """The responses of the instruments, where they are to be removed."""
+    path = response_file(origin, motion)
+    if path is None:
+        return None
+    file, load = origin.file_of(_RESPONSE), partial(content_of, largest=LARGEST_RESPONSE)
+    return each(file, _RESPONSE, [path], lambda one: load(one, known[one]))[0]
+
+
+def response_file(origin: Origin, motion: RecordConfig) -> Path | None:
+    """The file with the responses of the instruments, where they are to be removed."""
     if motion.response is None:
         return None
-    return content(response_file(origin, motion), LARGEST_RESPONSE)
-
-
-def response_file(origin: Origin, motion: RecordConfig) -> Path:
-    """The file with the responses of the instruments."""
-    assert motion.response is not None
     file = origin.file_of(_RESPONSE)
     path = located(origin.folder_of(_RESPONSE), motion.response.file, file, _RESPONSE)
     if not path.exists():

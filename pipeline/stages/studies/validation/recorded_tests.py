@@ -31,7 +31,7 @@ from pipeline.stages.studies.validation.table_motions import (
     recorded,
 )
 from pipeline.workflow.grammar import counted
-from pipeline.workflow.keys import digest_file
+from pipeline.workflow.keys import check_same, digest_file
 from pipeline.workflow.stage import Input
 from vsr_core.arrays import Mask
 from vsr_core.errors import InvalidInput
@@ -309,8 +309,12 @@ def _unused(without: int, names: Iterable[str], specimens: tuple[int, ...]) -> I
 
 def motions_of(folder: Path) -> dict[int, GroundMotion]:
     """How the table moved in each test."""
+    return _motions_of(folder, tuple(map(digest_file, _decisive(folder))))
+
+
+def _decisive(folder: Path) -> list[Path]:
     paths = (folder / name for name in (RECORDS, OUTCOMES, ASSUMED))
-    return _motions_of(folder, tuple(digest_file(path) for path in paths if path.is_file()))
+    return [path for path in paths if path.is_file()]
 
 
 @lru_cache(maxsize=2)
@@ -320,11 +324,13 @@ def _motions_of(folder: Path, digests: tuple[str, ...]) -> dict[int, GroundMotio
     if (folder / RECORDS).is_file():
         found = motions(folder, assumptions(folder).acceleration)
         _check_peaks(folder, tests, found)
-        return found
-    told = tests.config.stepper
-    stepper = Stepper(told.rate, told.step, told.overhead) if told else None
-    rows = zip(tests.number, tests.pga, tests.pgv_pga, strict=True)
-    return {number: commanded(pga, ratio, stepper) for number, pga, ratio in rows}
+    else:
+        told = tests.config.stepper
+        stepper = Stepper(told.rate, told.step, told.overhead) if told else None
+        rows = zip(tests.number, tests.pga, tests.pgv_pga, strict=True)
+        found = {number: commanded(pga, ratio, stepper) for number, pga, ratio in rows}
+    check_same(folder, _decisive(folder), digests)
+    return found
 
 
 def _flags(

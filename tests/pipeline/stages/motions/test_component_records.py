@@ -81,24 +81,35 @@ def test_the_azimuth_turns_x_from_that_of_the_scan(folder: Path) -> None:
     np.testing.assert_allclose(found, np.column_stack([-y, x, z]), atol=1e-6)
 
 
-def test_a_record_is_known_by_its_horizontal_components(folder: Path) -> None:
-    """However it is turned, and without its vertical; by what is in the files, and no name."""
+def digest_of(site: str) -> str:
+    loaded = load_site(site)
+    found = motion_grid.find(loaded.config.motion, loaded.origin)
+    assert found is not None
+    return found.records[0].digest
+
+
+def test_a_record_is_known_by_its_first_component(folder: Path) -> None:
+    """Whatever is beside it, and however it is turned; by what is in the file, and no name."""
     (folder / "other").mkdir()
     for axis in "xy":
         (folder / "other" / f"{axis}.csv").write_text(files.csv(1.5 * WAVES["z"], 0.005))
     (folder / "copy.csv").write_bytes((folder / "x.csv").read_bytes())
 
     def known(records: str) -> str:
-        loaded = load_site(site(folder, records))
-        found = motion_grid.find(loaded.config.motion, loaded.origin)
-        assert found is not None
-        return found.records[0].digest
+        return digest_of(site(folder, records))
 
-    same = f"{{{XYZ}}}", f"{{{XYZ}, azimuth: 20}}", "{components: {x: copy.csv, y: y.csv}}"
-    others = "{components: {x: x.csv, y: other/y.csv}}", "{components: {x: other/x.csv}}", EAST
-    others = *others, EAST.replace("x: HNE, y: HNN", "x: HNN"), "{components: {x: y.csv, y: x.csv}}"
+    same = (
+        f"{{{XYZ}}}",
+        f"{{{XYZ}, azimuth: 20}}",
+        "{components: {x: copy.csv, y: other/y.csv}}",
+        "{components: {x: x.csv}}",
+    )
+    others = "{components: {x: other/x.csv}}", EAST, "{components: {y: y.csv}}"
     assert len(set(map(known, same))) == 1
     assert len(set(map(known, (*others, same[0])))) == len(others) + 1
+    alone = f"motion: {{kind: record, files: one.csv, component: HNE, {NONE}, pga: [1]}}\n"
+    (folder / "alone.yaml").write_text(f"{ROCK}{STEP}{alone}")
+    assert digest_of(str(folder / "alone.yaml")) == known(EAST)
 
 
 def test_what_is_not_recorded_rests(folder: Path) -> None:
