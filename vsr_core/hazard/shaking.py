@@ -60,8 +60,8 @@ class CurveShaking:
 
     @cached_property
     def _shares(self) -> Array:
-        """Share of the shaking in each cell of PGV/PGA, shape (cells, n)."""
-        return shares_between(self.borders, *self.table.at(self._at))
+        """Share of the shaking in each cell of PGV/PGA, which no factor changes, (cells, n)."""
+        return shares_between(self.borders, *self.table.at(self._at / self.factor))
 
     def fragility(self, rows: RowFragility, ratios: Array) -> Fragility:
         """Fragility in each cell of PGV/PGA, shape (cells, n) at n PGA.
@@ -90,7 +90,7 @@ class CurveShaking:
         return replace(self, curves=(mean_curve(self.curves, weights, self.levels),))
 
     def times(self, factor: float) -> CurveShaking:
-        """The same with all accelerations multiplied."""
+        """The same with all accelerations, and velocities, multiplied."""
         return replace(self, factor=factor * self.factor)
 
     def by_row(self, rows: RowFragility, ratios: Array) -> tuple[Array, Array]:

@@ -128,6 +128,20 @@ def test_curves_and_events_of_one_hazard_agree(events: Events, ratio: np.ndarray
     assert (np.abs(rates[1] - rates[0]) < error).all()
 
 
+@pytest.mark.parametrize("factor", [0.5, 1.2, 3.0])
+def test_stronger_shaking_keeps_its_pgv_pga(factor: float) -> None:
+    """A rock in it is as one that topples at accelerations that are smaller by the factor."""
+    level = np.geomspace(LEAST, 500.0 * LEAST, 200)
+    curve = HazardCurve(level, 0.1 * (level / LEAST) ** -SLOPE)
+    table = RatioTable(np.array([1.0, 10.0]), np.array([0.05, 0.2]), np.array([0.5, 0.3]))
+    shaking = CurveShaking((curve,), table, BORDERS)
+    weak = lognormal_rows(np.array([[4.0, 3.0, 2.0]]) / factor, np.full((1, 3), 0.3))
+    strong = lognormal_rows(np.array([[4.0, 3.0, 2.0]]), np.full((1, 3), 0.3))
+    moved = shaking.times(factor)
+    found = moved.rates(moved.fragility(strong, RATIOS))
+    np.testing.assert_allclose(found, shaking.rates(shaking.fragility(weak, RATIOS)), rtol=2e-3)
+
+
 def test_rocks_that_topple_by_velocity_feel_one_pgv_pga_under_curves() -> None:
     """Two that are alike and topple for certain from a PGV on are one: both or none falls."""
     level = np.geomspace(LEAST, 500.0 * LEAST, 200)
