@@ -141,10 +141,16 @@ def test_names_that_are_parted_say_where_they_point() -> None:
     assert "exchange x and y" in refusal(x=column("N-S"), y=column("E-W", 2))
     check_together({"x": column("E-W [g]"), "y": column("N/S", 2)})
     level = {"x": column("E-W"), "y": column("N-S", 2)}
-    for name in ("down (3)", "a_down", "DWN (ERD)", "G02-DWN"):
+    down = "down (3) | a_down | DWN (ERD) | G02-DWN | Z (down) | UD (down positive) | HNZ (g, down)"
+    for name in names_in(down):
         assert "which points down" in refusal(**level, z=column(name, 3))
-    for name in ("Up-Down", "U/D", "acc_up"):
+    for name in ("E raw", "N_filtered", "DOWN raw", "a_down_raw", "Down-axis", "HN3"):
         check_together({**level, "z": column(name, 3)})
+        (told,) = doubts({**level, "z": column(name, 3)})
+        assert f"{name} as z is taken as vertical" in told
+    for name in ("Up-Down", "U/D", "acc_up", "V", "acceleration (3)"):
+        check_together({**level, "z": column(name, 3)})
+        assert not doubts({**level, "z": column(name, 3)})
 
 
 def test_a_sensor_among_others_in_its_direction_points_there() -> None:

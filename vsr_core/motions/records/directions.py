@@ -119,10 +119,10 @@ def _is_vertical(name: str) -> bool:
 def _points_down(name: str) -> bool:
     """Whether a vertical channel is positive downwards by its name.
 
-    >>> [_points_down(name) for name in ("down (3)", "DWN (ERD)", "a_down", "Up-Down", "UD")]
+    >>> [_points_down(name) for name in ("down (3)", "Z (down)", "a_down", "Up-Down", "UD")]
     [True, True, True, False, False]
     """
-    return bool(_DOWN.fullmatch(_deciding(name)))
+    return _is_vertical(name) and any(map(_DOWN.fullmatch, _words(name)))
 
 
 def _deciding(name: str) -> str:
@@ -218,6 +218,10 @@ def doubts(components: Mapping[str, Record]) -> list[str]:
         if (words := _vertical_words(name))
     ]
     told = _told(components)
+    if "z" in components and "z" not in told:
+        name = _name(components["z"])
+        if (word := _deciding(name)) and not (_is_vertical(name) or word in ("U", "V")):
+            found += [f"{name} as z is taken as vertical, and up, which it does not say"]
     for axis in sorted(told.keys() & names):
         azimuth, named = told[axis].azimuth, _azimuth(names[axis], numbered=True)
         if named is not None and abs((azimuth - named + 180) % 360 - 180) > _SQUARE:
