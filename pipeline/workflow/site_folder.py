@@ -46,8 +46,10 @@ def store_of(site: Site, derived: Path, variant: str | None) -> Store:
     of_variant = "" if variant is None else f"@{variant}"
     stores = (Store(derived / one) for one in (name, f"{name}{of_variant}"))
     owners = {(store.manifest(SETTINGS) or {}).get("place", "") for store in stores}
-    if any(owner and Path(owner).exists() for owner in owners - {str(site.path)}):
-        name += f"-{keys.digest(str(site.path))[:6]}"
+    taken = any(owner and Path(owner).exists() for owner in owners - {str(site.path)})
+    own = f"{name}-{keys.digest(str(site.path))[:6]}"
+    if taken or (derived / own).is_dir():
+        name = own
     home = Store(derived / name)
     return home if variant is None else Store(derived / f"{name}{of_variant}", home)
 

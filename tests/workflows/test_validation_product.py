@@ -9,6 +9,7 @@ import shutil
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -17,8 +18,10 @@ import xarray as xr
 
 from pipeline import ROOT, cli
 from pipeline.config.priors_schema import ShakeTableConfig
+from pipeline.config.problems import InputError
 from pipeline.stages.studies.validation import predictions, recorded_tests
-from pipeline.stages.studies.validation.recorded_runs import Draw, Role
+from pipeline.stages.studies.validation.recorded_runs import Draw, Role, Shared, run_tests
+from pipeline.stages.studies.validation.recorded_tests import digests_of_motions
 from pipeline.workflow.rows import RunRow
 from pipeline.workflow.run_store import RUNS
 from vsr_core import GRAVITY
@@ -26,6 +29,7 @@ from vsr_core.arrays import Array
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Outcome
 from vsr_core.run import rocking_block
+from vsr_core.run.cases import Case
 from vsr_core.validation import priors, specimen
 
 pytestmark = pytest.mark.usefixtures("small_pictures")
@@ -355,3 +359,13 @@ def test_public_tests_are_read_whole() -> None:
     found = recorded_tests.motions_of(SHARED)
     peaks = [found[n].peak_acceleration / GRAVITY for n in tests.number]
     assert np.corrcoef(peaks, tests.pga)[0, 1] > 0.7
+
+
+def test_tests_of_other_files_are_not_run(tmp_path: Path) -> None:
+    """A worker reads the folder of tests by itself, maybe when it has been edited."""
+    folder = write_tests(tmp_path / "tests")
+    shared = Shared(folder, digests_of_motions(folder), 1.0, cast(Case, None))
+    edited = (folder / "outcomes.csv").read_text().replace(f",{RATIO},", ",0.31,", 1)
+    (folder / "outcomes.csv").write_text(edited)
+    with pytest.raises(InputError, match="edited while a command that reads it was at work"):
+        run_tests(shared, (1,))

@@ -56,8 +56,11 @@ class ShakenBy(Input):
     file: str
 
     def digests(self) -> dict[str, str]:
-        """Digests of the files, by the number of the observation."""
-        return {str(number): digest_file(path) for number, path, _ in self.tests}
+        """Digests of the files, by their names and the observations that they are of."""
+        return {
+            f"{path.name} (observation {number + 1})": digest_file(path)
+            for number, path, _ in self.tests
+        }
 
     def read(self, log: Callable[[str], None]) -> None:
         """Refuse motions that cannot be read, and tell what may be along another axis."""

@@ -133,5 +133,8 @@ def test_two_files_of_one_name_are_two_sites(
     assert (own / "rock.nc").read_bytes() == whole
     assert "done" in vsr("status", "rock", "--site", first, *variant).out
     assert "to do" not in vsr("status", "rock", "--site", second, *variant).out
-    Path(first).unlink()  # moved: its folder is that of the file that is left
-    assert f"\nrock in {own}: " in vsr("status", "rock", "--site", second, *variant).out
+    (tmp_path / "c").mkdir()
+    moved = Path(first).rename(tmp_path / "c" / "rock.yaml")  # and its folder with it
+    assert f"\nrock in {own}: " in vsr("status", "rock", "--site", moved, *variant).out
+    assert f"\nrock in {other}: " in vsr("status", "rock", "--site", second, *variant).out
+    assert "to do" not in vsr("status", "rock", "--site", second, *variant).out

@@ -64,13 +64,14 @@ class Shared(NamedTuple):
     """What the tests of one draw and one direction share on a worker."""
 
     folder: Path
+    known: tuple[str, ...]
     amplitude: float
     case: Case
 
 
 def run_tests(shared: Shared, numbers: tuple[int, ...]) -> list[tuple[Any, ...]]:
     """Simulate some tests of one draw, on a worker."""
-    table = motions_of(shared.folder)
+    table = motions_of(shared.folder, shared.known)
     chosen = [amplified(table[number], shared.amplitude) for number in numbers]
     return [values(response) for response in shaken(shared.case, chosen)]
 
@@ -80,9 +81,15 @@ KIND = Kind("validation", "tests", RunRow, run_tests, batch=8)
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Tests and the specimens that they shook."""
+    """Tests and the specimens that they shook.
+
+    Attributes
+    ----------
+    known : digests of the files that tell how the table moved
+    """
 
     folder: Path
+    known: tuple[str, ...]
     tests: Tests
     forms: dict[int, Form]
 
@@ -94,8 +101,8 @@ def outcomes(
     wanted: Mapping[Draw, tuple[int, ...]],
 ) -> Outcomes:
     """Simulate those of the wanted tests that are not stored yet."""
-    tests, folder = series.tests, series.folder
-    table = {number: identity(motion) for number, motion in motions_of(folder).items()}
+    tests, place = series.tests, (series.folder, series.known)
+    table = {number: identity(motion) for number, motion in motions_of(*place).items()}
     given = dict(zip(tests.number, tests.azimuth, strict=True))
     numbers: dict[Drive, tuple[int, ...]] = {}
     for draw, asked in wanted.items():
@@ -119,7 +126,7 @@ def outcomes(
 
     def shared(drive: Drive) -> Shared:
         member = driven[drive]
-        return Shared(folder, member.amplitude, standing_case(*rock(drive.draw), member))
+        return Shared(*place, member.amplitude, standing_case(*rock(drive.draw), member))
 
     drives = tuple(numbers)
     done = run_missing(work, KIND, drives, runs, shared)

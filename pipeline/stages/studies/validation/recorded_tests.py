@@ -307,9 +307,24 @@ def _unused(without: int, names: Iterable[str], specimens: tuple[int, ...]) -> I
             yield f"column {name} of {OUTCOMES} left out, as it says nothing here"
 
 
-def motions_of(folder: Path) -> dict[int, GroundMotion]:
-    """How the table moved in each test."""
-    return _motions_of(folder, tuple(map(digest_file, _decisive(folder))))
+def motions_of(folder: Path, known: tuple[str, ...] = ()) -> dict[int, GroundMotion]:
+    """How the table moved in each test.
+
+    Parameters
+    ----------
+    known : digests of the files that tell it, where they were taken before
+
+    Raises
+    ------
+    InputError
+        For files that break a rule, or that were written over since their digests.
+    """
+    return _motions_of(folder, known or digests_of_motions(folder))
+
+
+def digests_of_motions(folder: Path) -> tuple[str, ...]:
+    """Digests of the files that tell how the table moved."""
+    return tuple(map(digest_file, _decisive(folder)))
 
 
 def _decisive(folder: Path) -> list[Path]:

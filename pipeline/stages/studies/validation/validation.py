@@ -14,6 +14,7 @@ from pipeline.stages.studies.validation.predictions import Predictions
 from pipeline.stages.studies.validation.recorded_runs import Draw, Outcomes, Role, Series, outcomes
 from pipeline.stages.studies.validation.recorded_tests import (
     Folder,
+    digests_of_motions,
     motions_of,
     remarks,
     scan,
@@ -55,12 +56,13 @@ def make(work: Work, folder: Folder) -> Product:
     Product
         Dataset, tables, page and figures of the validation.
     """
+    known = digests_of_motions(folder.path)
     tests = tests_in(folder.path)
-    motions_of(folder.path)  # what is wrong is told at once
+    motions_of(folder.path, known)  # what is wrong is told at once
     for line in (*tests.unused, *remarks(folder.path, tests)):
         work.log(f"validation: {line}")
     forms = predictions.forms({n: scan(path) for n, path in scans_in(folder.path).items()})
-    series = Series(folder.path, tests, forms)
+    series = Series(folder.path, known, tests, forms)
     found, predicted = _predict(work, series)
     at_ends, doubts = _doubtful(work, series, predicted)
     scores = page.scored(tests, predicted)
