@@ -267,6 +267,9 @@ def test_record_shorter_than_its_header_says_is_refused() -> None:
     content = RECORDS["one.ns"]().replace(b"Duration Time(s)  10", b"Duration Time(s)  300")
     with pytest.raises(InvalidInput, match="1000 samples that says 30000"):
         formats.read_all(content, ".ns", formats.Reading())
+    said = content.index(b"Duration Time(s)")
+    with pytest.raises(InvalidInput, match="0 samples that says 0"):
+        formats.read_all(content[:said] + b"Duration Time(s) 0", ".ns", formats.Reading())
 
 
 def test_table_that_ends_in_a_number_is_refused() -> None:

@@ -17,6 +17,7 @@ import trimesh
 from pipeline.config.motion_schema import RecordConfig
 from pipeline.stages.mesh import mesh_files
 from pipeline.stages.motions import record_inputs, table_motions
+from pipeline.workflow.keys import digest_file
 from tests.support import record_files
 from vsr_core.motions.records import formats
 from vsr_core.rock import solid
@@ -86,7 +87,7 @@ def read_record(path: Path) -> Array:
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        record = record_inputs._ready(path, None, motion).record
+        record = record_inputs._ready(path, digest_file(path), None, motion).record
     return np.append(record.interval, record.acceleration)
 
 

@@ -153,9 +153,9 @@ def _check_knet(content: bytes) -> None:
     wanted = float(said.get("Duration Time(s)", "nan")) * float(
         said.get("Sampling Freq(Hz)", "nan")
     )
-    if number != wanted:
+    if number != wanted or not number:
         given = f"a K-NET file of {number} samples that says {wanted:g}"
-        raise InvalidInput(given, "it holds as many as it says", "download it again")
+        raise InvalidInput(given, "it holds some, as many as it says", "download it again")
     ends = [[word.end() for word in re.finditer(r"\S+", line)] for line in samples if line]
     if all(line == ends[0] for line in ends[:-1]) and ends[-1] != ends[0][: len(ends[-1])]:
         given = f"a K-NET file that ends in {samples[-1][-9:]!r}, which is out of column"
