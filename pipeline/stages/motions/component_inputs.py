@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -43,11 +44,12 @@ def find(origin: Origin, motion: RecordConfig) -> list[Path]:
     return [path for one in motion.records or () for path in _files(origin, one)]
 
 
-def load(origin: Origin, motion: RecordConfig, known: Mapping[Path, str]) -> tuple[Ready, ...]:
-    """The records of a site, processed; the digests of their files are known."""
-    files = tuple(
-        tuple((path, known[path]) for path in _files(origin, one)) for one in motion.records or ()
-    )
+def load(
+    origin: Origin, motion: RecordConfig, paths: Sequence[Path], known: Mapping[Path, str]
+) -> tuple[Ready, ...]:
+    """The records of a site in files of which the digests are known, processed."""
+    of_files = iter((path, known[path]) for path in paths)
+    files = tuple(tuple(islice(of_files, len(one.files))) for one in motion.records or ())
     return _loaded(origin.file_of(_KEY), files, response_of(origin, motion, known), motion)
 
 

@@ -283,7 +283,7 @@ def find(motion: MotionConfig, origin: Origin) -> MotionFiles | None:
             paths, load = record_inputs.find(origin, motion.files), record_inputs.load
         response = record_inputs.response_file(origin, motion)
         known = {path: keys.digest_file(path) for path in (*paths, response) if path is not None}
-        return MotionFiles(tuple(known), keys.by_name(known), load(origin, motion, known))
+        return MotionFiles(tuple(known), keys.by_name(known), load(origin, motion, paths, known))
     if isinstance(motion, TableMotionConfig) and motion.files is not None:
         paths = record_inputs.find(origin, motion.files)
         before = keys.digests_of(paths)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
@@ -128,15 +128,12 @@ def check_file(path: Path) -> None:
     check_regular(path, LARGEST_FILE)
 
 
-def load(origin: Origin, motion: RecordConfig, known: Mapping[Path, str]) -> tuple[Ready, ...]:
-    """The records of a site, processed.
-
-    Parameters
-    ----------
-    known : mapping, from the files that were found, among others, to their digests
-    """
+def load(
+    origin: Origin, motion: RecordConfig, paths: Sequence[Path], known: Mapping[Path, str]
+) -> tuple[Ready, ...]:
+    """The records of a site in files of which the digests are known, processed."""
+    files = tuple((path, known[path]) for path in paths)
     response = response_of(origin, motion, known)
-    files = tuple(one for one in known.items() if one[0] != response_file(origin, motion))
     return _loaded(origin.file_of(_FILES), files, response, motion)
 
 

@@ -95,14 +95,15 @@ def column(name: str, place: int = 1) -> Record:
 
 
 LEVEL = """
-u | v | V | GBZ_180 | acc_x | vel | acc_ver2 | H1 (Az 90) | Az 45 | H1 Az N60E | acc (g) | HN1 |
-90 (2) | 45 deg az | H1 090 Az | 090 AZ | E.1 | acc.x.g
+u | v | V | GBZ_180 | acc_x | vel | acc_ver2 | acc (g) | HN1 |
+90 (2) | E.1 | acc.x.g | XX.STA..HNE | A.090
 """.replace("\n", "")
 
 DOUBTFUL = """
 up-stream | x (up) | GNZ_180 | GLZ 000 | THZ_E | MLZ 90 | GNZ 000 | Down hole 090 | DN_090 |
 VER 090 | x (z up) | East (Z down) | HNZ 10 | UP 090 | vert. array 1 east |
-az_raw | az_mps2 | Az corrected | AZ_SENSOR3 | z.filt | acc_z_raw | UD raw
+az_raw | az_mps2 | Az corrected | AZ_SENSOR3 | z.filt | acc_z_raw | UD raw | H1 (Az 90) | Az 45 |
+H1 Az N60E | 45 deg az | H1 090 Az | 090 AZ | 12 az
 """
 
 VERTICAL = """
@@ -110,7 +111,8 @@ z [m/s2] | acc_z | acceleration_UD | vert acc | up (1) | a (Z) | accz | acc_up |
 Up-Down | UP/DOWN | up_down (g) | accelerationZ | hnz | az | az1 | az 1 | zacc | UpDn | Up m/s^2 |
 THZ_Z | acc_up m/s2 | z_001 | UD 002 | HNZ_001 | CH1_UP | CH1 Z | CH2 vertical | DWN 002 | V2 UP |
 acc_down 001 | COMP UP | Channel 3 vertical | G02-UP | station 090 up |
-UD.1 | acc.z.g | UD.gal | HNZ.00 | az.1 | a_z | az_ms2
+UD.1 | acc.z.g | UD.gal | HNZ.00 | az.1 | a_z | az_ms2 | acc U-D | ACC_U-D |
+acc (U-D) | U-D acc | zaccel | az_01 | 01_az | XX.STA..HNZ | acc Up/Down
 """
 
 
@@ -140,6 +142,8 @@ def test_columns_u_and_v_may_be_horizontal(name: str) -> None:
 def test_names_that_are_parted_say_where_they_point() -> None:
     assert "exchange x and y" in refusal(x=column("N-S"), y=column("E-W", 2))
     check_together({"x": column("E-W [g]"), "y": column("N/S", 2)})
+    assert "exchange x and y" in refusal(x=column("XX.STA..HNN"), y=column("XX.STA..HNE", 2))
+    assert "exchange x and y" in refusal(x=column("acc.N"), y=column("acc.E", 2))
     level = {"x": column("E-W"), "y": column("N-S", 2)}
     down = "down (3) | a_down | DWN (ERD) | G02-DWN | Z (down) | UD (down positive) | HNZ (g, down)"
     for name in names_in(down):
@@ -148,7 +152,8 @@ def test_names_that_are_parted_say_where_they_point() -> None:
         check_together({**level, "z": column(name, 3)})
         (told,) = doubts({**level, "z": column(name, 3)})
         assert f"{name} as z is taken as vertical" in told
-    for name in ("Up-Down", "U/D", "acc_up", "V", "acceleration (3)"):
+    up = "Up-Down | U/D | acc_up | V | acceleration (3) | acc Up-Down | acc (Up-Down) | Up/Down acc"
+    for name in names_in(up):
         check_together({**level, "z": column(name, 3)})
         assert not doubts({**level, "z": column(name, 3)})
 

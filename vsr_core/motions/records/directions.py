@@ -11,7 +11,7 @@ from vsr_core.motions.records.record import Direction, Record
 
 _VERTICAL = re.compile(
     "(UP(WARDS?|DO(WN)?|DN)?|UD|DOWN|DWN|DN|VE?RTC?|VERTI[CK]ALE?|(ACC(EL(ERATION)?)?)?Z"
-    "|[A-Z][GHLN]Z)[0-9]?|VER|ZACC",
+    "|[A-Z][GHLN]Z)[0-9]?|VER|ZACC(EL(ERATION)?)?",
     re.IGNORECASE,
 )
 """Words for vertical channels: of networks' files, SEED's among them, and of columns."""
@@ -19,15 +19,17 @@ _VERTICAL = re.compile(
 _ALONG_Z = re.compile("AZ[0-9]?", re.IGNORECASE)
 """As well, but beside a bearing it is an azimuth."""
 
-_BEARING = re.compile("[0-9]{2,}|[NS][0-9]{1,2}[EW]", re.IGNORECASE)
+_BEARING = re.compile("[1-9][0-9]|[0-3][0-9]{2}|[NS][0-9]{1,2}[EW]", re.IGNORECASE)
 
 _DOWN = re.compile("(DOWN|DWN|DN)[0-9]?", re.IGNORECASE)
 
 _SAYS_NOTHING = re.compile(
-    "A|ACC(EL(ERATION)?)?|(CH(ANNEL)?|COMP(ONENT)?)[0-9]*|[0-9]|00[1-4]?|M?G|GALS?|[CM]?MS2",
+    "A|ACC(EL(ERATION)?)?|(CH(ANNEL)?|COMP(ONENT)?)[0-9]*|0?[0-9]|00[1-4]|M?G|GALS?|[CM]?MS2",
     re.IGNORECASE,
 )
 """Words of a name, numbers of sensors and units among them, that are about no direction."""
+
+_UP_AND_DOWN = re.compile(r"(?<![^\W_])(UP|U)[-/_ ](DOWN|DN|D)(?![^\W_])", re.IGNORECASE)
 
 _UNIT = re.compile(r"\bc?m/s\S*")
 
@@ -77,6 +79,7 @@ def check_directions(components: Mapping[str, Record]) -> None:
     """Refuse components of which x and y are not horizontal, with y to the left, or z not up."""
     rule, remedy = "x and y are horizontal", "leave it out, or name another channel or file"
     names = {axis: _name(one) for axis, one in components.items()}
+    whole = {axis: _whole(one) for axis, one in components.items()}
     known: dict[str, float] = {
         axis: azimuth
         for axis, one in components.items()
@@ -85,12 +88,12 @@ def check_directions(components: Mapping[str, Record]) -> None:
     told = _told(components)
     for axis, name in names.items():
         steep = axis in told and abs(told[axis].dip) >= _STEEP
-        if axis != "z" and (_is_vertical(name) or steep):
+        if axis != "z" and (_is_vertical(whole[axis]) or steep):
             raise InvalidInput(f"{name} as {axis}, which is vertical", rule, remedy)
     dip = told["z"].dip if "z" in told else -90.0
     if "z" in known or abs(dip) < _STEEP:
         raise InvalidInput(f"{names['z']} as z", "z is the vertical component", remedy)
-    if _points_down(names.get("z", "")) or dip >= _STEEP:
+    if _points_down(whole.get("z", "")) or dip >= _STEEP:
         rule, remedy = "z points up", "change the sign of its samples"
         raise InvalidInput(f"{names['z']} as z, which points down", rule, remedy)
     known = _azimuths_told(told) or known
@@ -102,7 +105,12 @@ def _name(record: Record) -> str:
     """The name of its channel, without the station's before it."""
     name = record.channels[0]
     code = name.rpartition(".")[2]
-    return code if record.instruments and code.isalnum() else name
+    return code if code.isalnum() else name
+
+
+def _whole(record: Record) -> str:
+    """The same; where no instrument is known, what stands before a dot may be anything."""
+    return _name(record) if record.instruments else record.channels[0]
 
 
 def _is_vertical(name: str) -> bool:
@@ -113,7 +121,10 @@ def _is_vertical(name: str) -> bool:
     >>> [_is_vertical(name) for name in ("V", "x (up)", "up-dip", "GBZ_180", "H1 (Az 90)")]
     [False, False, False, False, False]
     """
-    return _deciding(name) in _vertical_words(name)
+    word = _deciding(name)
+    if _ALONG_Z.fullmatch(word):
+        return not any(map(_BEARING.fullmatch, _words(name)))
+    return bool(_VERTICAL.fullmatch(word))
 
 
 def _points_down(name: str) -> bool:
@@ -129,23 +140,15 @@ def _deciding(name: str) -> str:
     """The word that says whether a channel is vertical: the last one, as stations come first.
 
     >>> [_deciding(name) for name in ("CH1_UP", "DN 090", "acc z (1)", "a (Z)", "U-D", "acc")]
-    ['UP', '090', 'accz', 'Z', 'UD', '']
+    ['UP', '090', 'z', 'Z', 'UD', '']
     """
     words = [word for word in _words(name) if not _SAYS_NOTHING.fullmatch(word)]
     return words[-1] if words else ""
 
 
 def _vertical_words(name: str) -> list[str]:
-    """Those that mean vertical.
-
-    >>> _vertical_words("az_raw"), _vertical_words("H1 (Az 90)")
-    (['az'], [])
-    """
-    words = _words(name)
-    known = [_VERTICAL]
-    if not any(map(_BEARING.fullmatch, words)):
-        known += [_ALONG_Z]
-    return [word for word in words if any(one.fullmatch(word) for one in known)]
+    """Those that may mean vertical."""
+    return [word for word in _words(name) if _VERTICAL.fullmatch(word) or _ALONG_Z.fullmatch(word)]
 
 
 def _plain(name: str) -> str:
@@ -158,15 +161,14 @@ def _plain(name: str) -> str:
 
 
 def _words(name: str) -> list[str]:
-    """Those in brackets first; a word that is parted by its letters is one.
+    """Those in brackets first; up and down together are one.
 
     >>> _words("acc_up m/s2"), _words("East (Z down)"), _words("U-D (1)")
     (['acc', 'up'], ['Z', 'down', 'East'], ['1', 'UD'])
     """
-    bare, whole = _UNIT.sub("", name), _plain(name)
-    inside = _AFTER.search(bare)
-    bare = whole if _VERTICAL.fullmatch(whole) else _AFTER.sub("", bare)
-    return re.findall(r"[^\W_]+", f"{inside[1] if inside else ''} {bare}")
+    name = _UNIT.sub("", _UP_AND_DOWN.sub("UD", name))
+    inside = _AFTER.search(name)
+    return re.findall(r"[^\W_]+", f"{inside[1] if inside else ''} {_AFTER.sub('', name)}")
 
 
 def _told(components: Mapping[str, Record]) -> dict[str, Direction]:
@@ -213,13 +215,13 @@ def doubts(components: Mapping[str, Record]) -> list[str]:
     horizontal = {axis: components[axis] for axis in "xy" if axis in components}
     names = {axis: _name(one) for axis, one in horizontal.items()}
     found = [
-        f"{name} as {axis} is taken as horizontal, though {words[0]} may mean vertical"
-        for axis, name in names.items()
-        if (words := _vertical_words(name))
+        f"{_whole(one)} as {axis} is taken as horizontal, though {words[0]} may mean vertical"
+        for axis, one in horizontal.items()
+        if (words := _vertical_words(_whole(one)))
     ]
     told = _told(components)
     if "z" in components and "z" not in told:
-        name = _name(components["z"])
+        name = _whole(components["z"])
         if (word := _deciding(name)) and not (_is_vertical(name) or word in ("U", "V")):
             found += [f"{name} as z is taken as vertical, and up, which it does not say"]
     for axis in sorted(told.keys() & names):

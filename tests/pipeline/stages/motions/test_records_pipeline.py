@@ -388,3 +388,13 @@ def test_accuracy_is_about_pulses(folder: Path, tmp_path: Path, vsr: Vsr) -> Non
     ran = vsr("run", "accuracy", "--site", folder / "rock.yaml", "--workers", "0")
     assert ran.code == cli.REFUSED
     assert "motion.kind: got record" in ran.err
+
+
+def test_a_record_that_is_named_as_the_response_is_a_record(tmp_path: Path, vsr: Vsr) -> None:
+    """Tables of samples need none."""
+    for name, ratio in (("one", 0.2), ("other", 0.3)):
+        (tmp_path / f"{name}.csv").write_text(pulse_record(ratio))
+    response = "response: {file: one.csv, corners: [0.05, 0.1, 25, 35]}"
+    for named, told in (("one.csv", "1 record"), ("[one.csv, other.csv]", "2 records")):
+        where = site(tmp_path, f"files: {named}, {NONE}, {response}, pga: [1]")
+        assert f"motions: {told} x 1 PGA" in vsr("run", "motions", "--site", where).err
