@@ -73,6 +73,12 @@ class Member:
     seed: int
     inset: float = 0.0
 
+    def shaken_as(self, other: Member) -> Member:
+        """The same rock in the shaking of another draw."""
+        return replace(
+            self, azimuth=other.azimuth, reversed=other.reversed, amplitude=other.amplitude
+        )
+
     @property
     def direction(self) -> float:
         """Where a positive acceleration points [rad], from the scan's +x, counter-clockwise."""

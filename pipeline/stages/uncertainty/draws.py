@@ -160,18 +160,18 @@ def draws(
     ----------
     density : float [kg m-3]
     scan : ScanData, of rock and ground in one; None on a flat pedestal
-    numbers : sequence of int, of those drawn among all that may be
+    numbers : sequence of int, of the rocks drawn; their shaking is drawn anew, one by one
     """
     given, reduce = study.scenes.standing, study.settings.simulation.reduce
     bed = seating.bed(scan.data, given.rock, reduce=reduce) if scan else None
-    count = max(numbers) + 1
+    count = max(*numbers, len(numbers)) + 1
     wanted, found = seats.chosen(config.seat, count), []
     as_drawn = given.rock.shape == "hull" and bed is None
     known = priors(config if as_drawn else config.model_copy(update={"inset": (0.0, 0.0)}))
     members = physics.draws(known, count)
     with threadpool_limits(1):  # products of some corners: threads would only wait for each other
-        for number, own in enumerate(numbers):
-            member = members[own]
+        for number, (own, shaking) in enumerate(zip(numbers, members, strict=False)):
+            member = members[own].shaken_as(shaking)
             contact = {"friction": (member.friction,), "restitution": member.restitution}
             settings = study.settings.with_contact(**contact)
             seat = None
