@@ -248,3 +248,19 @@ def test_what_is_far_from_every_draw_is_refused_after_the_first_of_them(
     )
     assert ran.code == 2, ran.err
     assert "in the 32 draws of the rock" in ran.err
+
+
+def test_an_ensemble_of_few_rocks_says_that_its_intervals_are_too_narrow(
+    vsr: Callable[..., Any],
+    write_site: Callable[..., str],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(observations, "MOST", 32)
+    close = TILT.replace("sd: 0.2", "sd: 0.02")
+    for given, told in (((close,), True), ((), False)):
+        ran = vsr("run", "uncertainty", "--site", write_site(SITE), *observed(*given))
+        assert ran.code == 0, ran.err
+        page = (derived / "rock" / "uncertainty.html").read_text()
+        assert ("intervals that count these are too narrow" in ran.err) == told
+        assert ("several draws are of one rock" in page) == told

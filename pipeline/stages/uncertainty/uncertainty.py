@@ -31,6 +31,7 @@ from pipeline.stages.uncertainty.draws import Draw, EnsembleData, Observed, Repl
 from pipeline.stages.uncertainty.ensemble import Ensemble, outcomes
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
 from vsr_core.outcome import FoundBy
@@ -87,6 +88,11 @@ def make(
     wanted = replace(wanted, settings=settings, width=bracket)
     levels = wanted.boundary.size
     work.log(f"uncertainty: {len(draws)} draws of {levels} first overturnings each")
+    if observed and (few := observed.data.attrs["effective_number"]) < len(draws):
+        work.log(
+            f"uncertainty: by the observations an effective number of {few:.2g} rocks for "
+            f"{counted(len(draws), 'draw')}: intervals that count these are too narrow"
+        )
     found = outcomes(wanted)
     known = drawing.priors(config)
     base: Array | None = None
