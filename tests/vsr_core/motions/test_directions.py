@@ -139,6 +139,10 @@ def test_columns_u_and_v_may_be_horizontal(name: str) -> None:
     assert not doubts({"x": column(name)})
 
 
+def test_a_name_of_thousands_of_digits_is_no_azimuth() -> None:
+    check_together({"x": column("9" * 5000)})
+
+
 def test_names_that_are_parted_say_where_they_point() -> None:
     assert "exchange x and y" in refusal(x=column("N-S"), y=column("E-W", 2))
     check_together({"x": column("E-W [g]"), "y": column("N/S", 2)})

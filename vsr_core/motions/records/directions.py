@@ -249,7 +249,8 @@ def _azimuth(channel: str, *, numbered: bool = False) -> int | None:
     if channel in ("1", "2", "3"):
         return None
     if channel.isdecimal():
-        told = len(channel) == len("000") or not numbered
+        digits = len(channel)
+        told = digits == len("000") or (digits < len("000") and not numbered)
         return int(channel) if told and int(channel) <= 360 else None
     side = None if _is_vertical(channel) else _SIDE.fullmatch(channel)
     return {"E": 90, "N": 0, "W": 270, "S": 180}[side[side.lastindex or 1]] if side else None
