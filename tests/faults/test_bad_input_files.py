@@ -174,7 +174,7 @@ def test_broken_file_is_taken_or_refused(tmp_path: Path, name: str, data: Any) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", DOORS)
-@settings(SOME, max_examples=20_000, derandomize=False)
+@settings(SOME, max_examples=20_000, derandomize=False, print_blob=True)
 @given(data=st.data())
 def test_hunt_of_broken_files(tmp_path: Path, name: str, data: Any) -> None:
     see(tmp_path, name, data)

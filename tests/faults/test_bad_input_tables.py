@@ -57,7 +57,7 @@ SOME = settings(
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
-MANY = settings(SOME, max_examples=20_000, derandomize=False)
+MANY = settings(SOME, max_examples=20_000, derandomize=False, print_blob=True)
 
 
 def see(folder: Path, name: str, data: Any) -> None:
