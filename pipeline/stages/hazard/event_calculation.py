@@ -20,7 +20,7 @@ from pipeline.config.outside import Row, check_file, checked
 from pipeline.stages.hazard import openquake
 from pipeline.stages.hazard.event_tables import Event, EventTables, Place, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import Realization
-from pipeline.stages.hazard.hdf5_files import check_heaps, content
+from pipeline.stages.hazard.hdf5_files import attribute, check_heaps, content
 from vsr_core.arrays import Array
 
 _RULE = "it is an event_based calculation of OpenQuake with ground motions of PGA"
@@ -91,7 +91,7 @@ def _whole(numbers: Array) -> Array:
 
 def _shaken(file: Any) -> dict[str, Any]:
     shaken = file["gmf_data"]
-    measures = str(shaken.attrs.get("imts", "")).split()
+    measures = str(attribute(shaken, "imts")).split() if "imts" in shaken.attrs else []
     found = {"event_id": _whole(content(shaken["eid"], _MOST))}
     for name in ("PGA", "PGV"):
         older = f"gmv_{measures.index(name)}" if name in measures else name

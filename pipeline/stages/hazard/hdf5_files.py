@@ -3,7 +3,8 @@
 Texts and arrays of no fixed length lie in heaps: after ``GCOL``, a version and the size, objects
 follow each other, each with its number and its length. Number 0 is what is free, with its own head.
 Of a free one of no length HDF5 goes on to itself, in a loop that hears no signal. Where such a text
-is used stands its length once more, four bytes before its place, and HDF5 makes room for that many.
+is used, in an array or an attribute, stands its length once more, four bytes before its place, and
+HDF5 makes room for that many.
 """
 
 from __future__ import annotations
@@ -22,6 +23,15 @@ _HEAP = b"GCOL\1\0\0\0"
 
 _OBJECT = struct.Struct("<H6xQ")
 """Number and length of an object."""
+
+_HEADS = {1: 8, 2: 8, 3: 9}
+"""Bytes of an attribute before its name, the first of which is the version."""
+
+_PARTS = struct.Struct("<HHH")
+"""Bytes of its name, type and space, after which its value stands; in version 1 in eights."""
+
+_OF_NO_FIXED_LENGTH = 9
+"""Class of the type of texts and arrays of no fixed length."""
 
 _STORED_TEXT = 16
 """Bytes of a text of no fixed length where it is used: its length, and its place in a heap."""
@@ -70,11 +80,49 @@ def content(data: Any, most: int) -> Any:
     if data.size > most:
         raise ValueError(f"{data.size:,} values of {data.name[1:]}, of at most {most:,}")
     with Path(data.file.filename).open("rb") as file:
-        size = file.seek(0, 2)
         length = max(data.nbytes // _PACKED, sum(map(int, _lengths(file, data.id))))
-    if length > size:
-        raise ValueError(f"{length:,} bytes of {data.name[1:]} in a file of {size:,}")
+        _check_length(file, data.name[1:], length)
     return data[()]
+
+
+def attribute(owner: Any, name: str) -> Any:
+    """An attribute of a dataset or a group.
+
+    Raises
+    ------
+    KeyError
+        of none of that name
+    ValueError
+        of one that is longer than the file
+    """
+    with Path(owner.file.filename).open("rb") as file:
+        _check_length(file, name, max(_lengths_of_attributes(file, name), default=0))
+    return owner.attrs[name]
+
+
+def _check_length(file: Any, name: str, length: int) -> None:
+    size = file.seek(0, 2)
+    if length > size:
+        raise ValueError(f"{length:,} bytes of {name} in a file of {size:,}")
+
+
+def _lengths_of_attributes(file: Any, name: str) -> Iterator[int]:
+    """Lengths that attributes of a name, of no fixed length, say they have."""
+    sought = name.encode() + b"\0"
+    with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as held:
+        at = held.find(sought)
+        while at >= 0:
+            for version, head in _HEADS.items():
+                if at < head or held[at - head] != version:
+                    continue
+                parts = _PARTS.unpack_from(held, at - head + 2)
+                if parts[0] != len(sought):
+                    continue
+                to_value = [-(-part // 8) * 8 if version == 1 else part for part in parts]
+                kind, value = at + to_value[0], at + sum(to_value)
+                if value < len(held) and held[kind] & 15 == _OF_NO_FIXED_LENGTH:
+                    yield int.from_bytes(held[value : value + 4], "little")
+            at = held.find(sought, at + 1)
 
 
 def _lengths(file: Any, data: Any) -> Iterator[int]:

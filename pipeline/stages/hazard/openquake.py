@@ -32,7 +32,7 @@ from pipeline.stages.hazard.hazard_model import (
     Realization,
     model,
 )
-from pipeline.stages.hazard.hdf5_files import check_heaps, content
+from pipeline.stages.hazard.hdf5_files import attribute, check_heaps, content
 from pipeline.workflow.grammar import listed
 from vsr_core.arrays import Array
 from vsr_core.errors import reason
@@ -159,7 +159,7 @@ def load_calculation(path: Path) -> HazardModel:
     with reading(path, _STORED, rule), h5py.File(path) as file:
         settings, levels = settings_of(file)
         poes, lon, lat = (numbers(file[name]) for name in (_STORED, "sitecol/lon", "sitecol/lat"))
-        measures = json.loads(file[_STORED].attrs["json"])["imt"]
+        measures = json.loads(attribute(file[_STORED], "json"))["imt"]
         sites, number, of_measures, _ = poes.shape
         if not len(measures) == len(set(measures)) == of_measures:
             raise ValueError(f"{of_measures} curves of {measures}")

@@ -200,6 +200,26 @@ def test_no_room_is_made_for_what_is_longer_than_its_file(
         load(path)
 
 
+@pytest.mark.parametrize("layout", ["earliest", "latest"])
+def test_nor_for_an_attribute(tmp_path: Path, layout: str) -> None:
+    path, length = tmp_path / "calc_7.hdf5", len(json.dumps({"imt": list(LEVELS)}))
+    with (
+        h5py.File(written(tmp_path / "made.hdf5")) as made,
+        h5py.File(path, "w", libver=layout) as file,
+    ):
+        for name in made:
+            made.copy(name, file)
+    curve_folder.load(path)
+    content = path.read_bytes()
+    at = content.index(length.to_bytes(4, "little"), content.index(b"json\0"))
+    path.write_bytes(content[:at] + (593_000_000).to_bytes(4, "little") + content[at + 4 :])
+    with (
+        bounded(seconds=2.0, mebibytes=100.0),
+        pytest.raises(InputError, match=r"593,000,000 bytes of json"),
+    ):
+        curve_folder.load(path)
+
+
 def test_a_disaggregation_is_read(tmp_path: Path) -> None:
     path = tmp_path / "Mag_Dist-mean-0_2.csv"
     path.write_text(
