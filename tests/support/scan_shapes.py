@@ -112,18 +112,6 @@ def scan(truth: Truth, edge: float = 0.04, *others: Truth) -> trimesh.Trimesh:
     return _without_sides(whole, reach - edge)
 
 
-def aligned_scan(truth: Truth, edge: float = 0.04) -> trimesh.Trimesh:
-    """The same with edges along the seam; only for ground that is a plane."""
-    slab = trimesh.creation.box((8.0, 8.0, 4.0))
-    slab.apply_translation((0.0, 0.0, -2.0))
-    slab.apply_transform(trimesh.geometry.align_vectors([0, 0, 1], truth.up))
-    box = manifold3d.Manifold.cube((2 * truth.reach, 2 * truth.reach, 6.0), True)
-    joined = (as_manifold(slab) + as_manifold(truth.solid)) ^ box
-    whole = as_trimesh(joined.refine_to_length(edge))
-    whole.merge_vertices()
-    return _without_sides(whole, truth.reach - 1e-6)
-
-
 def _without_sides(whole: trimesh.Trimesh, reach: float) -> trimesh.Trimesh:
     corners = np.abs(whole.triangles[:, :, :2]).max(axis=(1, 2))
     keep = (corners < reach) & (whole.triangles_center[:, 2] > -0.9)
