@@ -65,8 +65,10 @@ class DatedRock:
 
     @property
     def numbers(self) -> Indices:
-        """Of its draws, of which one is the rock; none where no stage has any."""
-        return next((one.numbers for one in self.stages if one.source == DRAWN), np.array([], int))
+        """Of the draws, of which one is the rock, that all stages with draws have; or none."""
+        drawn = [one.numbers for one in self.stages if one.source == DRAWN] or [np.array([], int)]
+        had = np.all([np.isin(drawn[0], one) for one in drawn], axis=0)
+        return drawn[0] if had.all() else drawn[0][had]
 
     @property
     def effective(self) -> float:
@@ -343,10 +345,8 @@ def _changes(
     if len(first.ages) > 1:
         for share in AGES:
             age = np.percentile(first.ages, [share])
-            yield (
-                f"age: {age[0]:,.0f} years, its {share:g} % value",
-                analysis.with_first(first.aged(age)),
-            )
+            name = f"age: {age[0]:,.0f} years, its {share:g} % value"
+            yield name, analysis.with_first(first.aged(age))
 
 
 def _by_weakness(analysis: SurvivalAnalysis) -> list[tuple[float, RowFragility]]:

@@ -83,7 +83,23 @@ def at2(channel: str, place: int = 1) -> Record:
 
 @pytest.mark.parametrize(
     "name",
-    ["V", "ABBAR--V", "U", "UP", "-UP", "U-D", "VRT", "VERT1", "DWN", "UPDO", "G02-UP", "U/D"],
+    [
+        "V",
+        "V (CWB)",
+        "V1",
+        "UP,",
+        "ABBAR--V",
+        "U",
+        "UP",
+        "-UP",
+        "U-D",
+        "VRT",
+        "VERT1",
+        "DWN",
+        "UPDO",
+        "G02-UP",
+        "U/D",
+    ],
 )
 def test_vertical_components_of_peer_are_not_horizontal(name: str) -> None:
     assert "which is vertical" in refusal(x=at2(name))
@@ -95,24 +111,25 @@ def column(name: str, place: int = 1) -> Record:
 
 
 LEVEL = """
-u | v | V | GBZ_180 | acc_x | vel | acc_ver2 | acc (g) | HN1 |
-90 (2) | E.1 | acc.x.g | XX.STA..HNE | A.090
+u | v | V | GBZ_180 | acc_x | vel | acc_ver2 | acc (g) | HN1 | 90 (2) | E.1 | acc.x.g |
+XX.STA..HNE | A.090 | ax_0.250
 """.replace("\n", "")
 
 DOUBTFUL = """
 up-stream | x (up) | GNZ_180 | GLZ 000 | THZ_E | MLZ 90 | GNZ 000 | Down hole 090 | DN_090 |
-VER 090 | x (z up) | East (Z down) | HNZ 10 | UP 090 | vert. array 1 east |
+VER 090 | x (z up) | East (Z down) | HNZ 10 | UP 090 | vert. array 1 east | az 1 | a (Z) |
 az_raw | az_mps2 | Az corrected | AZ_SENSOR3 | z.filt | acc_z_raw | UD raw | H1 (Az 90) | Az 45 |
-H1 Az N60E | 45 deg az | H1 090 Az | 090 AZ | 12 az
+H1 Az N60E | 45 deg az | H1 090 Az | 090 AZ | 12 az | vert acc | z_001 | UD 002 | HNZ_001 |
+DWN 002 | acc_down 001 | UD.1 | acc.z.g | UD.gal | HNZ.00 | az.1 | az_ms2 | acc (U-D) | U-D acc |
+az_01 | 01_az
 """
 
 VERTICAL = """
-z [m/s2] | acc_z | acceleration_UD | vert acc | up (1) | a (Z) | accz | acc_up | acc up | a_down |
-Up-Down | UP/DOWN | up_down (g) | accelerationZ | hnz | az | az1 | az 1 | zacc | UpDn | Up m/s^2 |
-THZ_Z | acc_up m/s2 | z_001 | UD 002 | HNZ_001 | CH1_UP | CH1 Z | CH2 vertical | DWN 002 | V2 UP |
-acc_down 001 | COMP UP | Channel 3 vertical | G02-UP | station 090 up |
-UD.1 | acc.z.g | UD.gal | HNZ.00 | az.1 | a_z | az_ms2 | acc U-D | ACC_U-D |
-acc (U-D) | U-D acc | zaccel | az_01 | 01_az | XX.STA..HNZ | acc Up/Down
+z [m/s2] | acc_z | acceleration_UD | up (1) | accz | acc_up | acc up | a_down | az10 | accz12 |
+Up-Down | UP/DOWN | up_down (g) | accelerationZ | hnz | az | az1 | zacc | UpDn | Up m/s^2 |
+THZ_Z | acc_up m/s2 | CH1_UP | CH1 Z | CH2 vertical | V2 UP | COMP UP | Channel 3 vertical |
+G02-UP | station 090 up | a_z | acc U-D | ACC_U-D | zaccel | XX.STA..HNZ | acc Up/Down | UD10 |
+U - D | U.D. | Up - Down | Down-Up | UP--DOWN | up&down | acc Up . Down
 """
 
 
@@ -121,12 +138,12 @@ def names_in(text: str) -> list[str]:
 
 
 @pytest.mark.parametrize("name", names_in(VERTICAL))
-def test_a_channel_that_ends_in_a_vertical_word_is_not_horizontal(name: str) -> None:
+def test_a_channel_whose_last_word_is_vertical_is_not_horizontal(name: str) -> None:
     assert "which is vertical" in refusal(x=column(name))
 
 
 @pytest.mark.parametrize("name", names_in(DOUBTFUL))
-def test_a_vertical_word_before_others_is_told(name: str) -> None:
+def test_a_vertical_word_among_others_is_told(name: str) -> None:
     """It may be a station, a hole, an array; what follows it, an axis or an azimuth."""
     check_together({"x": column(name)})
     (told,) = doubts({"x": column(name)})
@@ -143,23 +160,68 @@ def test_a_name_of_thousands_of_digits_is_no_azimuth() -> None:
     check_together({"x": column("9" * 5000)})
 
 
-def test_names_that_are_parted_say_where_they_point() -> None:
-    assert "exchange x and y" in refusal(x=column("N-S"), y=column("E-W", 2))
-    check_together({"x": column("E-W [g]"), "y": column("N/S", 2)})
-    assert "exchange x and y" in refusal(x=column("XX.STA..HNN"), y=column("XX.STA..HNE", 2))
-    assert "exchange x and y" in refusal(x=column("acc.N"), y=column("acc.E", 2))
-    level = {"x": column("E-W"), "y": column("N-S", 2)}
-    down = "down (3) | a_down | DWN (ERD) | G02-DWN | Z (down) | UD (down positive) | HNZ (g, down)"
-    for name in names_in(down):
-        assert "which points down" in refusal(**level, z=column(name, 3))
-    for name in ("E raw", "N_filtered", "DOWN raw", "a_down_raw", "Down-axis", "HN3"):
-        check_together({**level, "z": column(name, 3)})
-        (told,) = doubts({**level, "z": column(name, 3)})
-        assert f"{name} as z is taken as vertical" in told
-    up = "Up-Down | U/D | acc_up | V | acceleration (3) | acc Up-Down | acc (Up-Down) | Up/Down acc"
-    for name in names_in(up):
-        check_together({**level, "z": column(name, 3)})
-        assert not doubts({**level, "z": column(name, 3)})
+EAST_AND_NORTH = (
+    "E-W & N/S | e & n | EW1 & NS1 | hne & hnn | East & North | S69E & N21E | 090 & 000"
+)
+
+WITH_OTHER_WORDS = """
+acc_EW & acc_NS | CH2_E & CH1_N | E-W acc & N-S acc | H2 090 & H1 000 | acc_090 (g) & acc_000 (g) |
+XX.STA..HNE & XX.STA..HNN | acc.E & acc.N | acc North 90 deg East & acc North
+"""
+
+
+def pairs(text: str) -> list[tuple[str, str]]:
+    return [(x, y) for x, _, y in (name.partition(" & ") for name in names_in(text))]
+
+
+@pytest.mark.parametrize(("east", "north"), pairs(EAST_AND_NORTH))
+def test_names_of_sides_say_where_they_point(east: str, north: str) -> None:
+    check_together({"x": column(east), "y": column(north, 2)})
+    assert not doubts({"x": column(east), "y": column(north, 2)})
+    assert "exchange x and y" in refusal(x=column(north), y=column(east, 2))
+
+
+@pytest.mark.parametrize(("east", "north"), pairs(WITH_OTHER_WORDS))
+def test_a_side_among_other_words_is_told(east: str, north: str) -> None:
+    assert not doubts({"x": column(east), "y": column(north, 2)})
+    check_together({"x": column(north), "y": column(east, 2)})
+    (told,) = doubts({"x": column(north), "y": column(east, 2)})
+    assert "by these words y is not to the left of x" in told
+
+
+@pytest.mark.parametrize("names", [("ax_0.250", "ay_0.250"), ("acc.1", "acc.2"), ("run", "one")])
+def test_names_that_say_no_direction_are_taken_as_given(names: tuple[str, str]) -> None:
+    for x, y in (names, names[::-1]):
+        check_together({"x": column(x), "y": column(y, 2)})
+        assert not doubts({"x": column(x), "y": column(y, 2)})
+
+
+LEVEL_PAIR = {"x": column("E-W"), "y": column("N-S", 2)}
+
+
+def test_a_vertical_that_points_down_is_refused_or_told() -> None:
+    for name in names_in("down (3) | a_down | DWN (ERD) | G02-DWN"):
+        assert "which points down" in refusal(**LEVEL_PAIR, z=column(name, 3))
+    for name, word in (
+        *(("Z (down)", "down"), ("UD (down positive)", "down"), ("HNZ (g, down)", "down")),
+        *(("DOWN raw", "DOWN"), ("XX.DN..HNZ", "DN"), ("Down hole UD", "Down")),
+        *(("E raw", "E"), ("N_filtered", "N"), ("acc 090", "090")),
+    ):
+        check_together({**LEVEL_PAIR, "z": column(name, 3)})
+        told = doubts({**LEVEL_PAIR, "z": column(name, 3)})
+        assert [f"though {word} may mean another direction" in line for line in told] == [True]
+
+
+UPWARD = """
+Up-Down | U/D | acc_up | V | acceleration (3) | acc Up-Down | acc (Up-Down) | Up/Down acc |
+Up - Down | Vertical (Up - Down) | Down-Up | Up.Down | az_0.250 | acc_z_0.125
+"""
+
+
+@pytest.mark.parametrize("name", names_in(UPWARD))
+def test_a_vertical_may_be_named_by_both_of_its_ends(name: str) -> None:
+    check_together({**LEVEL_PAIR, "z": column(name, 3)})
+    assert not doubts({**LEVEL_PAIR, "z": column(name, 3)})
 
 
 def test_a_sensor_among_others_in_its_direction_points_there() -> None:

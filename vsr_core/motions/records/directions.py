@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from vsr_core.errors import InvalidInput
@@ -11,39 +11,41 @@ from vsr_core.motions.records.record import Direction, Record
 
 _VERTICAL = re.compile(
     "(UP(WARDS?|DO(WN)?|DN)?|UD|DOWN|DWN|DN|VE?RTC?|VERTI[CK]ALE?|(ACC(EL(ERATION)?)?)?Z"
-    "|[A-Z][GHLN]Z)[0-9]?|VER|ZACC(EL(ERATION)?)?",
+    "|[A-Z][GHLN]Z)[0-9]*|VER|ZACC(EL(ERATION)?)?",
     re.IGNORECASE,
 )
 """Words for vertical channels: of networks' files, SEED's among them, and of columns."""
 
-_ALONG_Z = re.compile("AZ[0-9]?", re.IGNORECASE)
-"""As well, but beside a bearing it is an azimuth."""
+_DOWN = re.compile("(DOWN|DWN|DN)[0-9]*", re.IGNORECASE)
 
-_BEARING = re.compile("[1-9][0-9]|[0-3][0-9]{2}|[NS][0-9]{1,2}[EW]", re.IGNORECASE)
+_ALONG_Z = re.compile("AZ[0-9]*", re.IGNORECASE)
+"""Alone vertical as well, and beside other words maybe an azimuth."""
 
-_DOWN = re.compile("(DOWN|DWN|DN)[0-9]?", re.IGNORECASE)
-
-_SAYS_NOTHING = re.compile(
-    "A|ACC(EL(ERATION)?)?|(CH(ANNEL)?|COMP(ONENT)?)[0-9]*|0?[0-9]|00[1-4]|M?G|GALS?|[CM]?MS2",
-    re.IGNORECASE,
+_UP_AND_DOWN = re.compile(
+    r"(?<![^\W_])((UP|U)[\W_]+(DOWN|DN|D)|(DOWN|DN|D)[\W_]+(UP|U))(?![^\W_])", re.IGNORECASE
 )
-"""Words of a name, numbers of sensors and units among them, that are about no direction."""
-
-_UP_AND_DOWN = re.compile(r"(?<![^\W_])(UP|U)[-/_ ](DOWN|DN|D)(?![^\W_])", re.IGNORECASE)
 
 _UNIT = re.compile(r"\bc?m/s\S*")
 
-_AFTER = re.compile(r"\s*[(\[]([^(\[]*)[)\]]$")
+_AFTER = re.compile(r"\s*[(\[]([^(\[]*)[)\]]\W*$")
 """A unit after a name, or the number of a sensor among others in its direction."""
 
-_BETWEEN = re.compile(r"(?<=[^\W\d_])[-/_ ](?=[^\W\d_])|^[-_ ]+|[-_ ]+$")
+_BETWEEN = re.compile(r"(?<=[^\W\d_])[\W_]+(?=[^\W\d_])|^[\W_]+|[\W_]+$")
 """What parts the letters of a name: N-S, U/D, Up_Down."""
 
-_SIDE = re.compile("(?:[A-Z]{2})?([EN])|(?=EW|NS)([EN])[WS][12]?|([WS])")
+_WORDS = re.compile(r"\d+\.\d+|[^\W_]+")
+
+_SIDES = {"E": 90, "EAST": 90, "N": 0, "NORTH": 0, "W": 270, "WEST": 270, "S": 180, "SOUTH": 180}
+
+_SIDE = re.compile(
+    "(?:[A-Z][GHLN])?([EN])|(?=EW|NS)([EN])[WS][12]?|([WS]|NORTH|EAST|SOUTH|WEST)", re.IGNORECASE
+)
 """Names of channels to a side: SEED's, those of K-NET and KiK-net, and W and S alone."""
 
-_NUMBERED = re.compile("(?:[A-Z]{2}|H)?([12])")
-"""Names of two horizontal channels which do not say where they point: SEED's, and of COSMOS."""
+_BEARING = re.compile("([NS])([0-9]{1,2})([EW])", re.IGNORECASE)
+
+_NUMBERED = re.compile("(?:^|(?<![A-Z0-9])(?:[A-Z]{2}|H))([12])$")
+"""Ends of names of two horizontal channels that say no direction: SEED's, and of COSMOS."""
 
 _SQUARE = 5
 """Within which directions are at right angles, as SEED has it of N and E [degree]."""
@@ -79,7 +81,6 @@ def check_directions(components: Mapping[str, Record]) -> None:
     """Refuse components of which x and y are not horizontal, with y to the left, or z not up."""
     rule, remedy = "x and y are horizontal", "leave it out, or name another channel or file"
     names = {axis: _name(one) for axis, one in components.items()}
-    whole = {axis: _whole(one) for axis, one in components.items()}
     known: dict[str, float] = {
         axis: azimuth
         for axis, one in components.items()
@@ -88,67 +89,50 @@ def check_directions(components: Mapping[str, Record]) -> None:
     told = _told(components)
     for axis, name in names.items():
         steep = axis in told and abs(told[axis].dip) >= _STEEP
-        if axis != "z" and (_is_vertical(whole[axis]) or steep):
+        if axis != "z" and (_is_vertical(name) or steep):
             raise InvalidInput(f"{name} as {axis}, which is vertical", rule, remedy)
     dip = told["z"].dip if "z" in told else -90.0
     if "z" in known or abs(dip) < _STEEP:
         raise InvalidInput(f"{names['z']} as z", "z is the vertical component", remedy)
-    if _points_down(whole.get("z", "")) or dip >= _STEEP:
+    if _DOWN.fullmatch(_deciding(names.get("z", ""))) or dip >= _STEEP:
         rule, remedy = "z points up", "change the sign of its samples"
         raise InvalidInput(f"{names['z']} as z, which points down", rule, remedy)
     known = _azimuths_told(told) or known
-    if len(known) == 2:
-        _check_square(names, known)
+    if not _is_square(known):
+        _refuse_pair(names, known)
 
 
 def _name(record: Record) -> str:
-    """The name of its channel, without the station's before it."""
+    """The name of its channel; of an instrument's without the station before it."""
     name = record.channels[0]
     code = name.rpartition(".")[2]
-    return code if code.isalnum() else name
-
-
-def _whole(record: Record) -> str:
-    """The same; where no instrument is known, what stands before a dot may be anything."""
-    return _name(record) if record.instruments else record.channels[0]
+    return code if record.instruments and code.isalnum() else name
 
 
 def _is_vertical(name: str) -> bool:
-    """Whether a channel is vertical by its name.
+    """Whether a channel is vertical by its whole name or its last word.
 
     >>> [_is_vertical(name) for name in ("UD2", "-UP", "up (1)", "acc_z", "hnz", "U/D", "G02-UP")]
     [True, True, True, True, True, True, True]
     >>> [_is_vertical(name) for name in ("V", "x (up)", "up-dip", "GBZ_180", "H1 (Az 90)")]
     [False, False, False, False, False]
     """
-    word = _deciding(name)
-    if _ALONG_Z.fullmatch(word):
-        return not any(map(_BEARING.fullmatch, _words(name)))
-    return bool(_VERTICAL.fullmatch(word))
-
-
-def _points_down(name: str) -> bool:
-    """Whether a vertical channel is positive downwards by its name.
-
-    >>> [_points_down(name) for name in ("down (3)", "Z (down)", "a_down", "Up-Down", "UD")]
-    [True, True, True, False, False]
-    """
-    return _is_vertical(name) and any(map(_DOWN.fullmatch, _words(name)))
+    return bool(_VERTICAL.fullmatch(_deciding(name)) or _ALONG_Z.fullmatch(_plain(name)))
 
 
 def _deciding(name: str) -> str:
-    """The word that says whether a channel is vertical: the last one, as stations come first.
+    """The whole name, its parts joined, if it is a vertical one, else its last word.
 
-    >>> [_deciding(name) for name in ("CH1_UP", "DN 090", "acc z (1)", "a (Z)", "U-D", "acc")]
-    ['UP', '090', 'z', 'Z', 'UD', '']
+    >>> [_deciding(name) for name in ("Up - Down", "CH1_UP", "DN 090", "acc z (1)", "UD10")]
+    ['UpDown', 'UP', '090', 'accz', 'UD10']
     """
-    words = [word for word in _words(name) if not _SAYS_NOTHING.fullmatch(word)]
-    return words[-1] if words else ""
+    plain, words = _plain(name), _words(name)
+    return plain if _VERTICAL.fullmatch(plain) or not words else words[-1]
 
 
-def _vertical_words(name: str) -> list[str]:
-    """Those that may mean vertical."""
-    return [word for word in _words(name) if _VERTICAL.fullmatch(word) or _ALONG_Z.fullmatch(word)]
+def _doubtful(name: str) -> list[str]:
+    """Words that may mean vertical."""
+    return [one for one in _words(name) if _VERTICAL.fullmatch(one) or _ALONG_Z.fullmatch(one)]
 
 
 def _plain(name: str) -> str:
@@ -163,12 +147,12 @@ def _plain(name: str) -> str:
 def _words(name: str) -> list[str]:
     """Those in brackets first; up and down together are one.
 
-    >>> _words("acc_up m/s2"), _words("East (Z down)"), _words("U-D (1)")
-    (['acc', 'up'], ['Z', 'down', 'East'], ['1', 'UD'])
+    >>> _words("acc_up m/s2"), _words("East (Z down)"), _words("U-D (1)"), _words("ax_0.250")
+    (['acc', 'up'], ['Z', 'down', 'East'], ['1', 'UD'], ['ax', '0.250'])
     """
     name = _UNIT.sub("", _UP_AND_DOWN.sub("UD", name))
     inside = _AFTER.search(name)
-    return re.findall(r"[^\W_]+", f"{inside[1] if inside else ''} {_AFTER.sub('', name)}")
+    return _WORDS.findall(f"{inside[1] if inside else ''} {_AFTER.sub('', name)}")
 
 
 def _told(components: Mapping[str, Record]) -> dict[str, Direction]:
@@ -184,19 +168,22 @@ def _azimuths_told(told: Mapping[str, Direction]) -> dict[str, float]:
     return level if len(set(level.values())) == 2 else {}
 
 
-def _check_square(names: Mapping[str, str], known: Mapping[str, float]) -> None:
-    to_the_left = (known["x"] - known["y"]) % 360
-    if abs(to_the_left - 90) > _SQUARE:
-        of = {
-            axis: name if _azimuth(name) == known[axis] else f"{name} ({known[axis]:g} deg)"
-            for axis, name in names.items()
-            if axis in known
-        }
-        remedy = "name another channel or file"
-        if abs(to_the_left - 270) <= _SQUARE:
-            remedy = "exchange x and y"
-        rule = "y points 90 degrees to the left of x"
-        raise InvalidInput(f"{of['x']} as x and {of['y']} as y", rule, remedy)
+def _is_square(known: Mapping[str, float]) -> bool:
+    """Whether y points to the left of x, as far as both are known."""
+    return len(known) < 2 or abs((known["x"] - known["y"]) % 360 - 90) <= _SQUARE
+
+
+def _refuse_pair(names: Mapping[str, str], known: Mapping[str, float]) -> None:
+    of = {
+        axis: name if _azimuth(name) == known[axis] else f"{name} ({known[axis]:g} deg)"
+        for axis, name in names.items()
+        if axis in known
+    }
+    remedy = "name another channel or file"
+    if abs((known["x"] - known["y"]) % 360 - 270) <= _SQUARE:
+        remedy = "exchange x and y"
+    rule = "y points 90 degrees to the left of x"
+    raise InvalidInput(f"{of['x']} as x and {of['y']} as y", rule, remedy)
 
 
 def doubts(components: Mapping[str, Record]) -> list[str]:
@@ -212,27 +199,49 @@ def doubts(components: Mapping[str, Record]) -> list[str]:
     >>> doubts({"x": one["y"], "y": one["x"]}), doubts({"x": one["z"]})
     ([], ['GNZ 090 as x is taken as horizontal, though GNZ may mean vertical'])
     """
-    horizontal = {axis: components[axis] for axis in "xy" if axis in components}
-    names = {axis: _name(one) for axis, one in horizontal.items()}
+    names = {axis: _name(one) for axis, one in components.items()}
+    up, told = names.pop("z", ""), _told(components)
     found = [
-        f"{_whole(one)} as {axis} is taken as horizontal, though {words[0]} may mean vertical"
-        for axis, one in horizontal.items()
-        if (words := _vertical_words(_whole(one)))
+        f"{name} as {axis} is taken as horizontal, though {words[0]} may mean vertical"
+        for axis, name in names.items()
+        if (words := _doubtful(name))
     ]
-    told = _told(components)
-    if "z" in components and "z" not in told:
-        name = _whole(components["z"])
-        if (word := _deciding(name)) and not (_is_vertical(name) or word in ("U", "V")):
-            found += [f"{name} as z is taken as vertical, and up, which it does not say"]
+    if up and "z" not in told:
+        found += [
+            f"{up} as z is taken as {taken}, though {word} may mean another direction"
+            for word, taken in _against(up)
+        ]
     for axis in sorted(told.keys() & names):
         azimuth, named = told[axis].azimuth, _azimuth(names[axis], numbered=True)
         if named is not None and abs((azimuth - named + 180) % 360 - 180) > _SQUARE:
             found += [f"{names[axis]} as {axis} points to {azimuth:g} deg by its file or response"]
-    numbers = [_NUMBERED.fullmatch(name) for name in names.values()]
-    if not _azimuths_told(told) and [one and one[1] for one in numbers] == ["1", "2"]:
-        one, two = names.values()
-        found += [f"{two} mostly points to the right of {one}: if so, x and y are to be exchanged"]
+    if not _azimuths_told(told) and len(names) == 2:
+        found += _about_pair(names["x"], names["y"])
     return found
+
+
+def _against(name: str) -> Iterator[tuple[str, str]]:
+    """A word of a vertical channel's name that tells otherwise, and what it is taken as."""
+    words = _words(name)
+    down = [word for word in words if _DOWN.fullmatch(word)]
+    if down:
+        yield down[0], "up"
+    level = [word for word in words if _points(word) is not None]
+    if level and not _doubtful(name):
+        yield level[-1], "vertical"
+
+
+def _about_pair(x: str, y: str) -> Iterator[str]:
+    by_words = {
+        axis: azimuths[-1]
+        for axis, name in (("x", x), ("y", y))
+        if (azimuths := [one for one in map(_points, _words(name)) if one is not None])
+    }
+    if not _is_square(by_words):
+        yield f"{x} as x and {y} as y are taken so, though by these words y is not to the left of x"
+    numbers = [_NUMBERED.search(name) for name in (x, y)]
+    if [one and one[1] for one in numbers] == ["1", "2"]:
+        yield f"{y} mostly points to the right of {x}: if so, x and y are to be exchanged"
 
 
 def _azimuth(channel: str, *, numbered: bool = False) -> int | None:
@@ -246,11 +255,21 @@ def _azimuth(channel: str, *, numbered: bool = False) -> int | None:
     [47, 90, 0, 90, None, None, None, None]
     """
     channel = _plain(channel)
-    if channel in ("1", "2", "3"):
-        return None
-    if channel.isdecimal():
-        digits = len(channel)
-        told = digits == len("000") or (digits < len("000") and not numbered)
-        return int(channel) if told and int(channel) <= 360 else None
-    side = None if _is_vertical(channel) else _SIDE.fullmatch(channel)
-    return {"E": 90, "N": 0, "W": 270, "S": 180}[side[side.lastindex or 1]] if side else None
+    if channel.isdecimal() and len(channel) < len("000"):
+        return None if numbered or channel in ("1", "2", "3") else int(channel)
+    return _points(channel)
+
+
+def _points(word: str) -> int | None:
+    """The azimuth [degree] that a word is, of three digits, a side or a bearing.
+
+    >>> [_points(word) for word in ("047", "hne", "North", "NS1", "S69E", "401", "run", "90")]
+    [47, 90, 0, 0, 111, None, None, None]
+    """
+    if word.isdecimal():
+        return int(word) if len(word) == len("000") and int(word) <= 360 else None
+    if bearing := _BEARING.fullmatch(word):
+        off = int(bearing[2]) * (1 if bearing[3].upper() == "E" else -1)
+        return (off if bearing[1].upper() == "N" else 180 - off) % 360
+    side = _SIDE.fullmatch(word)
+    return _SIDES[side[side.lastindex or 1].upper()] if side else None

@@ -41,7 +41,7 @@ _NAMED = re.compile(rf"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*{_NUMBER}", re.IGNORECAS
 _PLAIN = re.compile(rf"^\s*(\d+)\s+{_NUMBER}\s+NPTS\s*,\s*DT", re.IGNORECASE)
 _UNIT = re.compile(r"IN UNITS OF\s+(\S+)", re.IGNORECASE)
 _WORD = re.compile(r"\S+")
-_UPWARD = re.compile(r"(?:.*[\W_])?[UV]", re.IGNORECASE)
+_UPWARD = re.compile(r"(?:.*[\W_])?[UV]\d?\s*(?:\(.*)?", re.IGNORECASE)
 """Components that PEER NGA calls vertical, where other files may have u and v to the sides."""
 
 HEADER, HEAD = 4, 2000
@@ -100,7 +100,7 @@ def read_at2(text: str, unit: str | None) -> Record:
         raise InvalidInput(given, "it is whole", "download it again, or end its last line")
     if len(values) != number:
         raise _other_count(count, number)
-    event = [part.strip() for part in lines[1].split(",")]
+    event = [part.strip() for part in lines[1].strip(" ,\t\r\n").split(",")]
     station = event[-2] if len(event) > 2 else ""
     channel = event[-1] if len(event) > 1 else "1"
     source = f"PEER NGA file: {lines[1].strip()}"

@@ -232,6 +232,20 @@ def test_a_stage_whose_draws_nothing_chose_hides_no_repeats() -> None:
     np.testing.assert_allclose(*error, rtol=1e-3)
 
 
+def test_fits_of_the_rock_stand_beside_the_draws_that_all_its_stages_have() -> None:
+    """Of two stages the later has eight draws more, which are no rock that stood before."""
+    thresholds = np.linspace(0.3, 0.6, 16)
+    fits = replace(ensemble([1.9]), source=FITTED, numbers=np.array([], int))
+    ages, until = np.array([900.0]), np.array([300.0])
+    survival = []
+    for number in (16, 8):
+        stages = ensemble(thresholds[:number].tolist()), ensemble([0.5] * 8)
+        earlier = tuple(zip(stages, (until, 2.0 * until), strict=True))
+        rock = DatedRock("rock", fits, ages, earlier)
+        survival.append(of_curves(model(1e-4), rock).results().survival)
+    np.testing.assert_array_equal(*survival)
+
+
 def test_one_draw_tells_nothing_of_the_error_and_fits_have_none() -> None:
     one = of_curves(
         model(1e-4), DatedRock("rock", ensemble([0.3] * 4, seeds=[7] * 4), np.array([1000.0]))
