@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import expit, logit
 
 from vsr_core.arrays import Array
 from vsr_core.fragility.bisection import Known, first_changes, middles
@@ -57,12 +56,13 @@ def fit_all(
     """
     cells, boundary = counted(pga, pgv_pga, overturned), locate(pga, overturned)
     ln_pga = cells.ln_pga
+    standing = np.where(cells.trials > cells.toppled, ln_pga, -np.inf)
     logistic: Logistic
     if runs is None:
         logistic, lognormal = LogisticFragility(cells), LognormalFragility(cells)
     else:
         first, cells = thresholds(runs, cells.ln_ratio.size), shares(runs, pgv_pga)
-        boundary = _resolved(boundary, runs)
+        boundary = _resolved(boundary, runs, standing)
         logistic, lognormal = CensoredLogistic(cells, first), LognormalFragility(cells, first)
     every = (logistic, lognormal, SmoothFragility(cells))
     models = tuple(_fitted(model, ln_pga, n_bootstrap) for model in every)
@@ -72,11 +72,21 @@ def fit_all(
     return FragilityResult(boundary=boundary, models=models, recommended=recommended, reason=reason)
 
 
-def _resolved(grid: Boundary, runs: Known) -> Boundary:
-    """The boundary of all runs; islands and clusters are those of the grid."""
+def _resolved(grid: Boundary, runs: Known, standing: Array) -> Boundary:
+    """The boundary of all runs; clusters are those of the grid.
+
+    Parameters
+    ----------
+    standing : ndarray, shape (n_ratio, n_pga) [ln g], of cells of the grid that do not topple
+    """
     lower, upper = first_changes(runs, grid.lower.size)
     return replace(
-        grid, pga=middles(lower, upper), lower=lower, upper=upper, censored=np.isinf(upper)
+        grid,
+        pga=middles(lower, upper),
+        lower=lower,
+        upper=upper,
+        censored=np.isinf(upper),
+        islands=(standing > np.log(upper)[:, None]).sum(axis=1),
     )
 
 
@@ -100,18 +110,5 @@ def _fitted(model: FragilityModel, ln_pga: Array, n_bootstrap: int) -> ModelFit:
         median_upper=spread.median[1],
         band_low=low,
         band_high=high,
-        probability=_at(model, ln_pga),
+        probability=model.probability(model.coefs, ln_pga)[0],
     )
-
-
-SURE = 1e-12
-"""Probabilities nearer to 0 and 1 than this are as good as these."""
-
-
-def _at(model: FragilityModel, ln_pga: Array) -> Array:
-    """Probability at the cells of the grid, whose PGAs the model may not have been fitted at."""
-    found, own = model.grid_probability(model.coefs)[0], model.cells.ln_pga
-    if own is ln_pga:
-        return found
-    rows = logit(np.clip(found, SURE, 1.0 - SURE))
-    return np.array([expit(np.interp(ln_pga, own, row)) for row in rows])

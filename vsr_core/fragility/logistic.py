@@ -32,9 +32,9 @@ class Logistic(FragilityModel):
     def named(self, coefs: Array) -> dict[str, Array]:
         return dict(zip(("b0", "b1", "b2"), coefs.T, strict=True))
 
-    def grid_probability(self, coefs: Array) -> Array:
+    def probability(self, coefs: Array, ln_pga: Array) -> Array:
         b0, b1, b2 = coefs.T[..., None, None]
-        return expit(b0 + b1 * self.cells.ln_pga + b2 * self.cells.ln_ratio[:, None])
+        return expit(b0 + b1 * ln_pga + b2 * self.cells.ln_ratio[:, None])
 
     def grid_contour(self, coefs: Array, probability: float) -> Array:
         """As of the base; without a rising P: 0 if it is at the level everywhere, else inf."""

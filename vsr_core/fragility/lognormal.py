@@ -15,6 +15,9 @@ MAX_BETA = 2.0
 """Largest beta: P then rises from 2.5 % to 97.5 % over a factor 2500 in PGA. A row that exceeds it
 does not order its outcomes by PGA."""
 
+_PURE = 1e-9
+"""Share of a cell, of rounding."""
+
 STATUS = ("probit", "interval", "above", "below", "flat", "undecided")
 """How a row was decided, see `LognormalFragility`."""
 
@@ -28,9 +31,11 @@ class LognormalFragility(FragilityModel):
     the last balanced to the first overturned PGA, so theta is their geometric mean and beta the
     standard deviation of that uniform, width / sqrt(12). A row that never topples (or always
     does) gets the interval of one further step beyond its last (first) PGA. With thresholds, rows
-    that change more than once are those that overlap. A row that is
-    undecided or left out gets ln theta and ln beta linear in ln PGV/PGA between its neighbours,
-    constant beyond the outermost. Coefficients are ln theta and ln beta, shape (batch, n_ratio, 2).
+    that change more than once are those that overlap, unless all of that is within one cell, which
+    no slope can be told from: ln theta is then uniform from their first change to their last. A row
+    that is undecided or left out gets ln theta and ln beta linear in ln PGV/PGA between its
+    neighbours, constant beyond the outermost. Coefficients are ln theta and ln beta, shape
+    (batch, n_ratio, 2).
 
     Attributes
     ----------
@@ -51,8 +56,10 @@ class LognormalFragility(FragilityModel):
     def __init__(self, cells: Cells, thresholds: Thresholds | None = None) -> None:
         self.cells = cells
         every = range(cells.ln_ratio.size)
-        rows = [self._threshold(row) if thresholds is None else _resolved(thresholds, row)
-                for row in every]  # fmt: skip
+        rows = [
+            self._threshold(row) if thresholds is None else self._resolved(thresholds, row)
+            for row in every
+        ]
         status = np.array([name for name, _, _ in rows])
         # the interval of ln theta; for overlapping rows filled in below
         low, high = (np.array(side) for side in list(zip(*rows, strict=True))[1:])
@@ -89,9 +96,9 @@ class LognormalFragility(FragilityModel):
         with np.errstate(over="ignore"):  # open above where an outcome hardly depends on PGA
             return dict(zip(("theta", "beta"), np.exp(np.moveaxis(coefs, -1, 0)), strict=True))
 
-    def grid_probability(self, coefs: Array) -> Array:
+    def probability(self, coefs: Array, ln_pga: Array) -> Array:
         ln_theta, ln_beta = np.moveaxis(coefs[..., None], 2, 0)
-        return ndtr((self.cells.ln_pga - ln_theta) / np.exp(ln_beta))
+        return ndtr((ln_pga - ln_theta) / np.exp(ln_beta))
 
     def grid_contour(self, coefs: Array, probability: float) -> Array:
         """As of the base; 0 and inf where the grid does not reach."""
@@ -129,6 +136,26 @@ class LognormalFragility(FragilityModel):
             return "interval", stood[-1], fell[0]
         return "probit", np.nan, np.nan
 
+    def _resolved(self, thresholds: Thresholds, row: int) -> tuple[str, float, float]:
+        """The same where the first overturning of each row was looked for by itself."""
+        low, high, further = thresholds.lower[row], thresholds.upper[row], np.log(OUTWARD)
+        if np.isnan(low) and np.isnan(high):
+            return "undecided", np.nan, np.nan
+        if np.isinf(high):
+            return "above", low, low + further
+        if not thresholds.single[row]:
+            if self._in_one_cell(row) and np.isfinite(low):
+                return "interval", low, thresholds.last[row]
+            return "probit", np.nan, np.nan
+        return ("below", high - further, high) if np.isnan(low) else ("interval", low, high)
+
+    def _in_one_cell(self, row: int) -> bool:
+        """Whether outcomes overlap in one cell only."""
+        known = self.cells.trials[row] > 0
+        share = self.cells.toppled[row][known] / self.cells.trials[row][known]
+        mixed = (share > _PURE) & (share < 1.0 - _PURE)
+        return bool(mixed.sum() <= 1 and (np.diff(share) > -_PURE).all())
+
     def _probit(self, rows: Indices) -> tuple[Array, Array, Array, Mask]:
         """Maximum likelihood of the given rows: ln theta, ln beta, s.e. of ln theta, flat."""
         ln_pga = self.cells.ln_pga
@@ -153,18 +180,6 @@ class LognormalFragility(FragilityModel):
         gradient = np.stack([-1.0 / b1, np.where(flat, 0.0, b0 / b1**2)], axis=1)
         error = np.sqrt(np.einsum("ri,rij,rj->r", gradient, np.linalg.pinv(fisher), gradient))
         return centre - b0 / b1, -np.log(b1), error, flat
-
-
-def _resolved(thresholds: Thresholds, row: int) -> tuple[str, float, float]:
-    """The same where the first overturning of each row was looked for by itself."""
-    low, high, further = thresholds.lower[row], thresholds.upper[row], np.log(OUTWARD)
-    if np.isnan(low) and np.isnan(high):
-        return "undecided", np.nan, np.nan
-    if np.isinf(high):
-        return "above", low, low + further
-    if not thresholds.single[row]:
-        return "probit", np.nan, np.nan
-    return ("below", high - further, high) if np.isnan(low) else ("interval", low, high)
 
 
 def _information(eta: Array, trials: Array) -> tuple[Array, Array, Array]:

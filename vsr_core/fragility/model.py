@@ -206,8 +206,12 @@ class FragilityModel(ABC):
         return {}
 
     @abstractmethod
+    def probability(self, coefs: Array, ln_pga: Array) -> Array:
+        """P(overturned) at PGAs, shape (n,) [ln g], of each row: shape (batch, n_ratio, n)."""
+
     def grid_probability(self, coefs: Array) -> Array:
-        """P(overturned) at the grid cells, shape (batch, n_ratio, n_pga)."""
+        """P(overturned) at the model's cells, shape (batch, n_ratio, n_pga)."""
+        return self.probability(coefs, self.cells.ln_pga)
 
     @abstractmethod
     def grid_contour(self, coefs: Array, probability: float) -> Array:

@@ -51,7 +51,8 @@ class SmoothFragility(FragilityModel):
 
     def __init__(self, cells: Cells) -> None:
         self.cells = cells
-        self._rows, self._columns = _splines(cells.ln_ratio), _splines(cells.ln_pga)
+        self._rows = _splines(cells.ln_ratio, cells.ln_ratio)
+        self._columns = _splines(cells.ln_pga, cells.ln_pga)
         self._roughness = _roughness(self._rows.shape[1], self._columns.shape[1])
         everything = np.ones((1, cells.ln_ratio.size))
         start = np.zeros((1, len(self._roughness)))
@@ -79,15 +80,20 @@ class SmoothFragility(FragilityModel):
             ]
         )
 
-    def grid_probability(self, coefs: Array) -> Array:
-        return expit(self._logit(coefs))
+    def probability(self, coefs: Array, ln_pga: Array) -> Array:
+        """As of the base; beyond the model's cells that of the outermost ones."""
+        inside = np.clip(ln_pga, *self.cells.ln_pga[[0, -1]])
+        return expit(self._logit(coefs, _splines(self.cells.ln_pga, inside)))
 
     def grid_contour(self, coefs: Array, probability: float) -> Array:
         """As of the base; 0 and inf where the grid does not reach."""
         level = logit(probability)
         columns = self.cells.ln_pga
         return np.concatenate(
-            [first_crossing(columns, self._logit(part) - level) for part in self._some(coefs)]
+            [
+                first_crossing(columns, self._logit(part, self._columns) - level)
+                for part in self._some(coefs)
+            ]
         )
 
     def _some(self, members: Array) -> list[Array]:
@@ -98,9 +104,9 @@ class SmoothFragility(FragilityModel):
     def _ridge(self) -> Array:
         return self._penalty * self._roughness + RIDGE * np.eye(len(self._roughness))
 
-    def _logit(self, coefs: Array) -> Array:
+    def _logit(self, coefs: Array, columns: Array) -> Array:
         table = coefs.reshape(len(coefs), self._rows.shape[1], self._columns.shape[1])
-        return self._rows @ table @ self._columns.T
+        return self._rows @ table @ columns.T
 
     def _fisher(self, variance: Array) -> Array:
         """Information matrices from cell variances (batch, n_ratio, n_pga), by array algebra."""
@@ -114,7 +120,7 @@ class SmoothFragility(FragilityModel):
         ridge = self._ridge()
 
         def evaluate(beta: Array, which: Indices) -> tuple[Array, Array]:
-            eta = self._logit(beta)
+            eta = self._logit(beta, self._columns)
             prob = expit(eta)
             trials = weights[which, :, None] * self.cells.trials
             toppled = weights[which, :, None] * self.cells.toppled
@@ -129,8 +135,8 @@ class SmoothFragility(FragilityModel):
         return maximise(evaluate, start, tolerance=tolerance)[0]
 
 
-def _splines(values: Array) -> Array:
-    """Cubic B-splines on quantiles of the values, there; of lower degree on fewer than 4."""
+def _splines(values: Array, there: Array) -> Array:
+    """Cubic B-splines on quantiles of values, at others; of lower degree on fewer than 4."""
     known = np.unique(values)
     degree = min(3, known.size - 1)
     if known.size == 1:  # a constant: one basis function around the only value
@@ -142,7 +148,7 @@ def _splines(values: Array) -> Array:
     before = np.linspace(knots[0] - degree * low, knots[0] - low, degree)
     after = np.linspace(knots[-1] + high, knots[-1] + degree * high, degree)
     every = np.concatenate([before, knots, after])
-    return np.asarray(BSpline(every, np.eye(knots.size + degree - 1), degree)(values))
+    return np.asarray(BSpline(every, np.eye(knots.size + degree - 1), degree)(there))
 
 
 def _pairs(basis: Array) -> Array:

@@ -20,25 +20,29 @@ REACH = 2.0
 
 @dataclass(frozen=True)
 class Thresholds:
-    """First overturning of each PGV/PGA row, as an interval.
+    """First overturning of each PGV/PGA row, as an interval, and the end of its last change.
 
     Attributes
     ----------
     lower, upper : ndarray, shape (n_ratio,) [ln g]
         NaN and infinite as ``vsr_core.fragility.boundary.Boundary`` has them.
+    last : ndarray, shape (n_ratio,) [ln g], above which no outcome changes; NaN where none does
     single : ndarray of bool, shape (n_ratio,), rows that change once, or never
     """
 
     lower: Array
     upper: Array
+    last: Array
     single: Mask
 
 
 def thresholds(known: Known, rows: int) -> Thresholds:
     """First overturning of rows, which are the levels of the runs."""
     lower, upper = first_changes(known, rows)
-    number = np.bincount(changes(known).level, minlength=rows)
-    return Thresholds(np.log(lower), np.log(upper), number <= 1)
+    every, last = changes(known), np.full(rows, np.nan)
+    last[every.level] = np.log(every.upper)  # ascending: the highest of a level remains
+    number = np.bincount(every.level, minlength=rows)
+    return Thresholds(np.log(lower), np.log(upper), last, number <= 1)
 
 
 def shares(known: Known, pgv_pga: npt.ArrayLike) -> Cells:

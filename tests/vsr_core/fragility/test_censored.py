@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from scipy.special import expit
+from scipy.stats import logistic, norm
 from threadpoolctl import threadpool_limits
 
 from vsr_core.fragility import fit_all
@@ -179,3 +180,42 @@ def test_lognormal_rows_are_told_by_all_runs() -> None:
     assert theta[1] > 9.0
     assert theta[2] < 0.01
     assert 0.38 < theta[3] < 0.55
+
+
+@pytest.mark.parametrize("last", [0.612, 0.66])
+def test_changes_that_tell_no_slope_bound_the_median_of_their_row(last: float) -> None:
+    """The second row topples, stands and topples again, so that outcomes overlap in one cell."""
+    ratio = [0.2, 0.3, 0.4]
+    known = resolved(np.array([0.5, 0.6, 0.7]), np.linspace(0.1, 1.5, 8))[1]
+    known = known.joined(np.array([1, 1, 1]), np.array([0.606, 0.607, last]), [1, 0, 1])
+    first = thresholds(known, 3)
+    assert not first.single[1]
+    model = LognormalFragility(shares(known, ratio), first)
+    assert 0.59 < np.exp(model.coefs[0, 1, 0]) < last
+    low, high = bootstrap(model, 400).parameters["theta"]
+    # rows that a replicate leaves out lie between their neighbours, of 0.5 and 0.7 g
+    assert (low > 0.49).all()
+    assert (high < 0.71).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_probabilities_are_those_of_the_parameters(noise: float) -> None:
+    """At each PGA of the grid, which is not that of the models' own cells."""
+    scatter = np.random.default_rng(3).logistic(scale=0.1, size=RATIO.size)
+    pga = np.linspace(0.02, 4.0, 30)
+    grid, known = resolved(0.3 * RATIO**-0.3 * np.exp(noise * scatter), pga)
+    found = fit_all(pga, RATIO, grid, known, n_bootstrap=2)
+    theta, beta = (one.value[:, None] for one in found.model("lognormal").parameters)
+    exact = norm.cdf(np.log(pga / theta) / beta)
+    np.testing.assert_allclose(found.model("lognormal").probability, exact, rtol=1e-9, atol=1e-300)
+    b0, b1, b2 = (float(one.value) for one in found.model("logistic").parameters)
+    exact = logistic.cdf(b0 + b1 * np.log(pga) + b2 * np.log(RATIO)[:, None])
+    np.testing.assert_allclose(found.model("logistic").probability, exact, rtol=1e-9, atol=1e-300)
+
+
+def test_a_cell_that_stands_above_a_run_between_cells_is_an_island() -> None:
+    """The second row topples at 0.45 and 0.46 g already, between cells that stand."""
+    pga, ratio = np.array([0.1, 0.4, 0.5, 0.6, 0.7]), [0.2, 0.3]
+    grid, known = resolved(np.array([0.55, 0.65]), pga)
+    known = known.joined(np.array([1, 1]), np.array([0.45, 0.46]), [1, 1])
+    assert fit_all(pga, ratio, grid, known, n_bootstrap=2).boundary.islands.tolist() == [0, 2]
