@@ -1,10 +1,11 @@
-"""Warnings of values within their range that look like an error of unit or typing."""
+"""Warnings of values that look like an error of unit or typing, or that have no part in a scene."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 from pipeline.config.layers import Site
@@ -129,9 +130,27 @@ SLIPS = (
 )
 
 
+IDLE = (
+    (
+        "pedestal.mesh pedestal.cut pedestal.point_on_rock rock.pose",
+        ("pedestal", "flat"),
+        "level ground has no part for it",
+        "set pedestal.shape: mesh, or leave it out",
+    ),
+    (
+        "rock.mesh rock.scale",
+        ("rock", "box"),
+        "a box is as large as rock.size says",
+        "leave it out, or set rock.shape: mesh",
+    ),
+)
+"""Settings that a shape has no part for: the section that has the shape, and what to tell."""
+
+
 def warnings(site: Site) -> Iterator[Problem]:
-    """Values of a site that look like a common error."""
+    """Values of a site that look like a common error, or that it has no part for."""
     settings = site.settings.model_dump()
+    yield from _idle(site, settings)
     warned = set()
     for slip in SLIPS:
         for key in slip.keys.split():
@@ -141,6 +160,16 @@ def warnings(site: Site) -> Iterator[Problem]:
                 given = ", ".join(f"{value:g}" for value in values[:3])
                 given += f" to {values[-1]:g}" if len(values) > 3 else ""
                 yield Problem(site.file_of(key), key, given, slip.rule, slip.remedy)
+
+
+def _idle(site: Site, settings: dict[str, Any]) -> Iterator[Problem]:
+    for keys, (section, shape), rule, remedy in IDLE:
+        if settings.get(section, {}).get("shape") == shape:
+            for key in keys.split():
+                part = reduce(lambda tree, name: tree.get(name) or {}, key.split("."), settings)
+                given: Any = part
+                if given and given != 1.0:  # the scale of a file in metres
+                    yield Problem(site.file_of(key), key, str(given), rule, remedy)
 
 
 def _values(settings: Any, key: str) -> Values:

@@ -71,6 +71,20 @@ def test_what_is_usual_is_taken_without_a_word(setting: str) -> None:
     assert told(setting) == []
 
 
+@pytest.mark.parametrize(
+    "setting",
+    [
+        *("rock.scale=0.1", "rock.mesh=a.ply", "pedestal.mesh=hill.ply"),
+        "pedestal.cut={kind: plane, point: [0, 0, 1], normal: [0, 0, 1]}",
+        "pedestal.point_on_rock=[1, 1, 1]",
+    ],
+)
+def test_what_has_no_part_in_a_block_on_level_ground_is_told(setting: str) -> None:
+    (line,) = told(setting)
+    assert line.startswith(f"--set: {setting.partition('=')[0]}: got ")
+    assert "leave it out" in line
+
+
 def members(site: str, study: str | None) -> list[Site]:
     """Configurations of a study of a site; none where it is not for this site."""
     try:
