@@ -264,3 +264,7 @@ def test_an_ensemble_of_few_rocks_says_that_its_intervals_are_too_narrow(
         page = (derived / "rock" / "uncertainty.html").read_text()
         assert ("intervals that count these are too narrow" in ran.err) == told
         assert ("several draws are of one rock" in page) == told
+        if told:
+            taken = xr.load_dataset(derived / "rock" / "observations.nc")["taken"].values
+            rocks = 32**2 / sum((taken == one).sum() for one in taken)
+            assert f"an effective number of {rocks:.3g} rocks for 32 draws" in ran.err

@@ -88,10 +88,10 @@ def make(
     wanted = replace(wanted, settings=settings, width=bracket)
     levels = wanted.boundary.size
     work.log(f"uncertainty: {len(draws)} draws of {levels} first overturnings each")
-    if observed and (few := observed.data.attrs["effective_number"]) < len(draws):
+    if observed and observed.repeats:
         work.log(
-            f"uncertainty: by the observations an effective number of {few:.2g} rocks for "
-            f"{counted(len(draws), 'draw')}: intervals that count these are too narrow"
+            f"uncertainty: by the observations an effective number of {observed.rocks:.3g} rocks "
+            f"for {counted(len(draws), 'draw')}: intervals that count these are too narrow"
         )
     found = outcomes(wanted)
     known = drawing.priors(config)

@@ -81,7 +81,7 @@ def facts(
         "followed": FOLLOWED,
         "scanned": 1.0 - math.exp(-REACH),
         "seats": by_seat(found, boundary),
-        "weighed": observed.data.attrs["effective_number"] if observed else None,
+        "observed": observed,
         "observations": observed.data["observation"].values.tolist() if observed else [],
         "tests": tests(found),
         "undecided": int(found["member_unresolved"].sum()),
