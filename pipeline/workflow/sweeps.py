@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
 
-from pipeline.config.problems import InputError, Problem
+from pipeline.config.problems import InputError, Problem, edited_since
 from pipeline.config.sweep import GRIDS, Member, Sweep
 from pipeline.workflow import graph
 from pipeline.workflow.datasets import catalogue
@@ -80,12 +80,22 @@ def make(swept: Swept) -> int:
         unresolved += graph.make(swept.stage, member)
         member.store.lends(stages)
     if any(graph.why(COMPARISON, wanted, swept.job.store)):
+        _check_members(swept, wanted)
         swept.job.store.open()
         product: Product = named(COMPARISON.make)(swept, wanted.key)
         graph.check_same(wanted, _wanted(swept).facts, swept.job)
         graph.keep(COMPARISON.name, wanted, product, swept.job.store)
         swept.job.log(f"study: {product.summary}")
     return unresolved
+
+
+def _check_members(swept: Swept, wanted: Identity) -> None:
+    """Refuse a member that was made of files as they were between those of the others."""
+    for member in swept.sweep.members:
+        manifest = swept.jobs[member.place].store.manifest(swept.stage)
+        if manifest is None or manifest["key"] != wanted.facts["needs"][member.name]:
+            given = f"{member.name} made of files as they were in between"
+            raise edited_since(swept.job.site.file, given)
 
 
 def asked(question: Callable[[str, Job], Answer], swept: Swept) -> tuple[list[Answer], list[str]]:

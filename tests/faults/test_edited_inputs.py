@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from conftest import Ran
 from support import record_files
 
@@ -18,7 +19,10 @@ from pipeline.config.layers import load_site
 from pipeline.stages.hazard import curve_folder, fault_files
 from pipeline.stages.motions import record_inputs, table_motions
 from pipeline.stages.motions.motion_grid import MotionFiles
+from pipeline.stages.observations import shaking
+from pipeline.stages.uncertainty import draws as drawing
 from pipeline.workflow import graph, keys
+from vsr_core.surrogates.double_rock import double_rock
 
 BOX = "rock: {shape: box, size: [0.5, 0.5, 1.0], density: 2110}\n"
 ORDER = "processing: {order: none, highpass: null, lowpass: null}"
@@ -119,6 +123,91 @@ def test_what_was_saved_for_a_moment_is_not_kept(
     assert ran.code == 2
     assert "edited while a command that reads it was at work" in ran.err
     assert vsr("run", "motions", "--site", site).code == 0
+
+
+def test_a_member_of_another_record_is_compared_with_none(
+    inputs: Path,
+    write_site: Callable[..., str],
+    vsr: Callable[..., Ran],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The record was another one while the second member was begun, and is the first again."""
+    site, wave, make = write_site(BOX + RECORDS), inputs / "wave.csv", graph.make
+    (inputs / "dense.yaml").write_text("sweep: {dense: {rock.density: [2000, 3000]}}\n")
+    text = wave.read_bytes()
+
+    def make_of_another(product: str, job: Any) -> int:
+        if job.site.config.rock.density == 3000.0:
+            wave.write_bytes(text + b"# another\n")
+        return make(product, job)
+
+    def put_back(function: Callable[..., Any]) -> Callable[..., Any]:
+        def then(*given: Any) -> Any:
+            found = function(*given)
+            wave.write_bytes(text)
+            return found
+
+        return then
+
+    study = ("run", "fragility", "--site", site, "--study", inputs / "dense.yaml")
+    with monkeypatch.context() as patch:
+        patch.setattr(graph, "make", put_back(make_of_another))
+        ran = vsr(*study)
+    assert ran.code == 2
+    assert "made of files as they were in between" in ran.err
+    assert not [*derived.rglob("study.nc")]
+    assert vsr(*study).code == 0
+
+
+DRAWN = """
+rock: {shape: mesh, mesh: rock.ply, density: 2110}
+motion: {pga: [0.5]}
+uncertainty: {members: 8, scan: {replica: copy.obj}}
+"""
+SHAKEN = "observations: [{kind: shake, motion: wave.csv, direction: 0, outcome: stood}]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "product", "name", "module", "function"),
+    [
+        (DRAWN + SHAKEN, "observations", "wave.csv", shaking.ShakenBy, "motion"),
+        (DRAWN, "uncertainty", "copy.obj", drawing, "surface"),
+    ],
+)
+def test_what_is_read_late_is_what_the_key_is_of(
+    text: str,
+    product: str,
+    name: str,
+    module: Any,
+    function: str,
+    inputs: Path,
+    write_site: Callable[..., str],
+    vsr: Callable[..., Ran],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Saved otherwise while it is read, and put back."""
+    (vertices, faces), rng = double_rock(), np.random.default_rng(1)
+    for file in ("rock.ply", "copy.obj"):  # two scans of one rock
+        scan = vertices + 0.002 * rng.standard_normal(vertices.shape)
+        trimesh.Trimesh(scan, faces).export(inputs / file)
+    site, path, read = write_site(text), inputs / name, getattr(module, function)
+    right = path.read_bytes()
+
+    def read_another(*given: Any) -> Any:
+        path.write_bytes(right + b"\n")
+        try:
+            return read(*given)
+        finally:
+            path.write_bytes(right)
+
+    monkeypatch.setattr(module, function, read_another)
+    ran = vsr("run", product, "--site", site)
+    assert ran.code == 2, ran.err
+    assert name in ran.err
+    assert "edited while a command that reads it was at work" in ran.err
+    assert not (derived / "rock" / f"{product}.nc").exists()
 
 
 def test_a_record_that_comes_while_others_are_read_waits_for_the_next_command(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -14,14 +14,13 @@ from scipy.stats import norm, qmc
 from pipeline.config import in_si
 from pipeline.config.layers import Origin
 from pipeline.config.observation_schema import Earthquake, Observations, ShakeTest
-from pipeline.config.outside import held
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sections import LARGEST_PGA, LONGEST_PULSE, SHORTEST_PULSE, SMALLEST_PGA, Key
 from pipeline.stages.motions.record_inputs import LARGEST_FILE, check_file
 from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
 from pipeline.stages.uncertainty.draws import Draw
-from pipeline.workflow.keys import digest_file
+from pipeline.workflow.keys import content_of, digest_file
 from pipeline.workflow.stage import Input
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
@@ -50,17 +49,18 @@ class ShakenBy(Input):
     Attributes
     ----------
     file : str, where they are named
+    before : dict, digests of the files when they were found
     """
 
     tests: tuple[tuple[int, Path, ShakeTest], ...]
     file: str
+    before: dict[str, str]
+
+    def digests_as_read(self) -> dict[str, str]:
+        return self.before
 
     def digests(self) -> dict[str, str]:
-        """Digests of the files, by their names and the observations that they are of."""
-        return {
-            f"{path.name} (observation {number + 1})": digest_file(path)
-            for number, path, _ in self.tests
-        }
+        return _digests(self.tests)
 
     def read(self, log: Callable[[str], None]) -> None:
         """Refuse motions that cannot be read, and tell what may be along another axis."""
@@ -79,7 +79,8 @@ class ShakenBy(Input):
         _, path, test = found
         try:
             reading = formats.Reading(test.component, test.unit, None, None)
-            every = formats.read_all(held(path, LARGEST_FILE), path.suffix, reading)
+            content = content_of(path, self.before[_name(number, path)], LARGEST_FILE)
+            every = formats.read_all(content, path.suffix, reading)
             record = repaired(every.channel(test.component))
             check_directions({"x": record})
             check_end(Trace(record.acceleration, record.interval))
@@ -88,6 +89,15 @@ class ShakenBy(Input):
             problem = Problem(self.file, key_of(number), given, error.rule, error.remedy)
             raise InputError(problem) from None
         return record
+
+
+def _digests(tests: Iterable[tuple[int, Path, ShakeTest]]) -> dict[str, str]:
+    """Digests of motions, by their names and the observations that they are of."""
+    return {_name(number, path): digest_file(path) for number, path, _ in tests}
+
+
+def _name(number: int, path: Path) -> str:
+    return f"{path.name} (observation {number + 1})"
 
 
 def key_of(number: int) -> str:
@@ -112,7 +122,7 @@ def find(
             given = f"{shown(path)}, {error.given}"
             problem = Problem(file, key_of(number), given, error.rule, error.remedy)
             raise InputError(problem) from None
-    return ShakenBy(tests, file) if tests else None
+    return ShakenBy(tests, file, _digests(tests)) if tests else None
 
 
 def of_shake(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from pipeline.stages.runs.study import Study
 from pipeline.stages.uncertainty import seats
 from pipeline.stages.uncertainty.seats import DrawnSeat
 from pipeline.workflow.datasets import Stored
-from pipeline.workflow.keys import digest_file
+from pipeline.workflow.keys import check_same, digest_file
 from pipeline.workflow.stage import Input
 from vsr_core import engines
 from vsr_core.arrays import Array
@@ -37,6 +37,7 @@ from vsr_core.run.cases import Case, TerrainCase
 from vsr_core.scene import Scene
 from vsr_core.uncertainty import search
 from vsr_core.validation import priors as physics
+from vsr_core.validation.conditioning import effective_number
 from vsr_core.validation.priors import Member, Priors
 from vsr_core.validation.specimen import Form, drawn, form
 
@@ -213,6 +214,7 @@ def surface(rock: RockData, told: ScanErrorConfig, replica: Replica | None) -> F
         return form(mesh, None, own_error, told.correlation_length)
     try:
         other = checked(mesh_files.read(replica.path))[0]
+        check_same(replica.path, [replica.path], [*replica.before.values()])
     except InvalidInput as error:
         raise replica.refused(f", {error.given}", error.rule, error.remedy) from None
     made = form(mesh, other, own_error, told.correlation_length)
@@ -229,10 +231,15 @@ class Replica(Input):
     Attributes
     ----------
     file : str, where it is named
+    before : dict, its digest when it was found
     """
 
     path: Path
     file: str
+    before: dict[str, str] = field(default_factory=dict)
+
+    def digests_as_read(self) -> dict[str, str]:
+        return self.before
 
     def digests(self) -> dict[str, str]:
         """Digest of the file, by its name."""
@@ -255,7 +262,7 @@ def find_replica(uncertainty: UncertaintyConfig, origin: Origin) -> Replica | No
         check_regular(found.path, mesh_files.LARGEST_FILE)  # before its digest is taken
     except InvalidInput as error:
         raise found.refused(f", {error.given}", error.rule, error.remedy) from None
-    return found
+    return replace(found, before=found.digests())
 
 
 def refuse_contact(site: Site) -> None:
@@ -275,6 +282,17 @@ class Observed(Stored):
     """Draws weighed by what was observed of the rock, and which of them an ensemble takes."""
 
     FILE = "observations.nc"
+
+    @property
+    def rocks(self) -> float:
+        """Effective number of the rocks taken, some of them repeatedly (Kish 1965)."""
+        taken = self.data["taken"].values
+        return effective_number(np.bincount(taken) / len(taken))
+
+    @property
+    def repeats(self) -> bool:
+        """Whether some are taken repeatedly."""
+        return self.rocks < self.data.sizes["member"] - 0.5
 
 
 class EnsembleData(Stored):
