@@ -61,7 +61,8 @@ def _interval(elapsed: Array, written: float) -> float:
     at = 1
     while at < 2 * last:
         end = float(elapsed[min(at, last)])
-        interval = end / max(1, round(end / interval))
+        if number := round(end / interval):  # else the second time is too near to the first
+            interval = end / number
         at *= 2
     rate = round(1.0 / interval)
     if rate and abs(round(end / interval) / rate - end) <= written:

@@ -154,6 +154,8 @@ def test_uneven_steps_are_refused_and_left_out_ones_are_gaps() -> None:
     lines = files.csv(VALUES, STEP).splitlines()
     late = [*lines[:50], lines[50].replace(",", "4,"), *lines[51:]]
     refusal(lambda: read_table("\n".join(late), None, None), "time steps that differ", "resample")
+    beside_the_first = [*lines[:2], lines[2].replace("0.01", "0.01e-320"), *lines[3:]]
+    refusal(lambda: read_table("\n".join(beside_the_first), None, None), "time steps that differ")
     holes = [*lines[:50], *lines[53:]]
     found = read_table("\n".join(holes), None, None)
     assert np.flatnonzero(np.isnan(found.acceleration)).tolist() == [49, 50, 51]
