@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr
 
 from vsr_core.archive.equations import HIGHEST, Equations
 from vsr_core.archive.profiles import Profiles
@@ -108,6 +109,8 @@ class Answers:
     equation : ndarray, 95 % of errors of ln boundary are below, of the equations on other shapes
     unseen : dict of ndarray, standard deviation of ln boundary by what is assumed
     slides : ndarray of bool, shape (n,), whether the rock slides and does not topple
+    sliding : ndarray, shape (n,), share of the frictions assumed with which it does; of one that is
+        given, 0 or 1
     """
 
     static: Array
@@ -117,6 +120,7 @@ class Answers:
     equation: Array
     unseen: dict[str, Array]
     slides: Mask
+    sliding: Array
 
     @property
     def unseen_sd(self) -> Array:
@@ -153,7 +157,10 @@ def answers(seen: Seen, equations: Equations, pgv_pga: Array) -> Answers:
     half = np.hypot(equation, ODDS * np.sqrt(sum(sd**2 for sd in unseen.values())))
     slides = np.asarray(best.friction <= static)
     nothing = ~known | slides[:, None, None]
-    may_slide = seen.profiles(friction=-ODDS).friction <= static
+    friction = ASSUMED["friction"]
+    assumed = ndtr((static - friction.value) / friction.sd)
+    sliding = np.where(np.isnan(seen.friction), assumed, slides)
+    may_slide = sliding >= ndtr(-ODDS)
     least = seen.profiles(alpha_2=-ODDS).weakest  # below it no pulse topples the rock
     return Answers(
         static,
@@ -163,6 +170,7 @@ def answers(seen: Seen, equations: Equations, pgv_pga: Array) -> Answers:
         equation,
         unseen,
         slides,
+        sliding,
     )
 
 

@@ -92,11 +92,12 @@ def lognormal_rows(medians: Array, betas: Array) -> RowFragility:
     Parameters
     ----------
     medians, betas : ndarray, shape (directions, rows)
-        Of Phi(ln(PGA / median) / beta), medians in m/s^2.
+        Of Phi(ln(PGA / median) / beta), medians in m/s^2, infinite where nothing topples it.
     """
 
     def rows(level: Array) -> Array:
-        return ndtr(np.log(level / medians[..., None]) / betas[..., None]).mean(axis=0)
+        off = np.log(level) - np.log(medians)[..., None]
+        return ndtr(off / betas[..., None]).mean(axis=0)
 
     return rows
 

@@ -37,17 +37,24 @@ class Answered:
     median, log_sd : ndarray, shape (2, rows) [g] and [1]
         Where no boundary is known, the median is the PGA up to which it was looked for.
     static : float [g]
+    sliding : float, share of the frictions assumed with which it slides and stands
     """
 
     directions: Array
     median: Array
     log_sd: Array
     static: float
+    sliding: float
 
     @property
     def draws(self) -> Array:
-        """Boundaries of draws, shape (draws, 2, rows) [g]: what is not known is so of all rows."""
-        off = ndtri((np.arange(DRAWS) + 0.5) / DRAWS)
+        """Boundaries of draws, shape (draws, 2, rows) [g]: what is not known is so of all rows.
+
+        Those that slide have none: infinite, the last.
+        """
+        tips = DRAWS - round(DRAWS * self.sliding)
+        off = np.full(DRAWS, np.inf)
+        off[:tips] = ndtri((np.arange(tips) + 0.5) / tips)
         return np.asarray(self.median * np.exp(off[:, None, None] * self.log_sd))
 
 
@@ -74,4 +81,5 @@ def answered(path: Path, name: str) -> Answered:
     static = float(found.static[0])
     median = np.where(np.isnan(found.boundary[0]), HIGHEST * static, found.boundary[0])
     towards = one.rocks[0].azimuth_deg or 0.0
-    return Answered(np.array([towards, towards + 180.0]) % 360.0, median, found.log_sd[0], static)
+    directions = np.array([towards, towards + 180.0]) % 360.0
+    return Answered(directions, median, found.log_sd[0], static, float(found.sliding[0]))

@@ -178,10 +178,15 @@ def of_photograph(rock: Answered) -> RockFragility:
     median, draws = in_si.acceleration(rock.median), in_si.acceleration(rock.draws)
     sharp, spread = np.full_like(median, SHARP), np.hypot(rock.log_sd, SHARP)
     sides = list(enumerate(rock.directions.tolist()))
+
+    def mean(own: slice) -> RowFragility:
+        tips = lognormal_rows(median[own], spread[own])
+        return lambda level: (1.0 - rock.sliding) * tips(level)
+
     return RockFragility(
         np.array(PGV_PGA),
-        lognormal_rows(median, spread),
-        {yaw: lognormal_rows(median[[i]], spread[[i]]) for i, yaw in sides},
+        mean(slice(None)),
+        {yaw: mean(slice(i, i + 1)) for i, yaw in sides},
         tuple(lognormal_rows(one, sharp) for one in draws),
         DRAWN,
         (rock.static, HIGHEST * rock.static),

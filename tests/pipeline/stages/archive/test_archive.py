@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.stats import norm
 
 from pipeline import ROOT
 from pipeline.cli import REFUSED, UNRESOLVED, main
@@ -251,6 +252,28 @@ def test_draws_of_a_rock_are_its_fragility(tmp_path: Path) -> None:
     levels = 9.81 * np.geomspace(0.1, 3.0, 50)
     by_draws = np.mean([one(levels) for one in fragility.others], axis=0)
     assert np.abs(by_draws - fragility.mean(levels)).max() < 0.02
+
+
+def test_draws_with_a_friction_below_tan_alpha_stand_in_any_shaking(tmp_path: Path) -> None:
+    """Of a friction that is assumed, that share of the rocks; of one that is given none."""
+    path = written(tmp_path, "A,28,28,0.84,0.84,,40,,,", "B,28,28,0.84,0.84,,40,0.6,,")
+    vague, sure = (archived_rock.answered(path, name) for name in "AB")
+    assumed = ASSUMED["friction"]
+    share = norm.cdf(math.tan(math.radians(28.0)), assumed.value, assumed.sd)
+    stands = np.isposinf(vague.draws).all(axis=(1, 2))
+    assert stands.mean() == pytest.approx(share, abs=0.5 / archived_rock.DRAWS)
+    tips = vague.draws[~stands]
+    assert np.isfinite(tips).all()
+    np.testing.assert_allclose(np.log(tips).mean(axis=0), np.log(vague.median), atol=1e-12)
+    assert np.isfinite(sure.draws).all()
+    fragility, levels = of_photograph(vague), 9.81 * np.geomspace(0.1, 1e6, 50)
+    for mean, others in (
+        (fragility.mean, fragility.others),
+        (fragility.by_yaw[40.0], fragility.others_by_yaw[40.0]),
+    ):
+        by_draws = np.mean([one(levels) for one in others], axis=0)
+        assert np.abs(by_draws - mean(levels)).max() < 0.02
+        np.testing.assert_allclose(mean(levels)[:, -1], 1.0 - share, rtol=1e-9)
 
 
 def test_another_file_of_the_same_name_has_a_folder_of_its_own(tmp_path: Path) -> None:
