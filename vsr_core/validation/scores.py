@@ -159,22 +159,20 @@ def predicted_to_overturn(probability: Array) -> Mask:
     """Whether each test is predicted to overturn: where that is likelier than the mean of all.
 
     If the probabilities are right, the threshold with the largest balanced accuracy is the share of
-    all tests that overturn. Its estimate before any outcome is known is the mean probability.
-
-    Parameters
-    ----------
-    probability : ndarray, shape (n,)
+    all tests that overturn. Its estimate before any outcome is known is the mean probability. Where
+    all are alike, or of one test, none is above it: then it is one half.
 
     Returns
     -------
-    ndarray of bool, shape (n,)
+    ndarray of bool, shape (n,), as the probabilities
 
     Examples
     --------
     >>> predicted_to_overturn(np.array([0.0, 0.1, 0.2, 0.4]))
     array([False, False,  True,  True])
     """
-    return np.asarray(probability >= probability.mean())
+    limit = probability.mean() if np.ptp(probability) > 0.0 else 0.5
+    return np.asarray(probability > limit)
 
 
 def mcnemar(observed: Mask, one: Mask, other: Mask) -> float:

@@ -85,6 +85,21 @@ def test_the_limit_of_a_prediction_is_the_best_for_right_probabilities(
         assert expected(probability >= limit) <= expected(chosen) + 1e-12
 
 
+@pytest.mark.parametrize("count", [1, 3, 5, 10])
+@pytest.mark.parametrize(
+    ("share", "overturns"), [(0.0, False), (0.1, False), (0.35, False), (0.7, True)]
+)
+def test_tests_that_are_all_alike_are_predicted_by_one_half(
+    count: int, share: float, overturns: bool
+) -> None:
+    assert scores.predicted_to_overturn(np.full(count, share)).tolist() == [overturns] * count
+
+
+def test_a_test_at_the_mean_is_not_predicted_to_overturn() -> None:
+    chosen = scores.predicted_to_overturn(np.array([0.0, 0.25, 0.5]))
+    assert chosen.tolist() == [False, False, True]
+
+
 def test_reliability_has_every_test_once() -> None:
     rng = np.random.default_rng(3)
     probability = rng.uniform(size=4000)
