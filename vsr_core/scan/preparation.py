@@ -166,8 +166,11 @@ def _separated(
 
     with refusing(seen, Miscut):
         try:
-            moved = None if cut is None else cut.moved(-offset)
-            found = by_cut(mesh, moved) if moved else proposed(mesh, near, offset)
+            if cut is None:
+                found = proposed(mesh, near, offset)
+            else:
+                point = None if near is None else np.array(near) - offset
+                found = by_cut(mesh, cut.moved(-offset), point)
         except Undecided as error:
             raise Miscut(error, replace(seen(), parts=error.rocks)) from error
         return settled(found)

@@ -17,7 +17,7 @@ from vsr_core.rock.triangles import areas
 from vsr_core.scan.cleaning import colours_of
 from vsr_core.scan.concave import Turns, cheapest_cut, turns
 from vsr_core.scan.cuts import Box, Colour, Cut, Plane, Polygon
-from vsr_core.scan.separation import Separation, at_border, by_cut, seams, settled, whole
+from vsr_core.scan.separation import Separation, at_border, by_cut, nearest, seams, settled, whole
 from vsr_core.scan.topology import border
 from vsr_core.scan.underside import area_vector
 from vsr_core.scan.weighing import place
@@ -94,8 +94,8 @@ def propose(
     cuts = _candidates(vertices, faces, found, outer, offset)
     if near is not None:
         point = np.array(near) - offset
-        nearest = _nearest(vertices[faces].mean(axis=1), point)
-        if not any(cut.rock[nearest] and cut.concave >= _CONCAVE_SHARE for cut in cuts):
+        own = nearest(vertices[faces].mean(axis=1), point)
+        if not any(cut.rock[own] and cut.concave >= _CONCAVE_SHARE for cut in cuts):
             cuts += _around(point, vertices, faces, found, outer, offset)
     good = [cut for cut in cuts if cut.concave >= _CONCAVE_SHARE]
     if not good:
@@ -152,22 +152,18 @@ def _around(
 ) -> list[_Found]:
     """Different cuts around what lies near a point."""
     area, middle = areas(vertices, faces), vertices[faces].mean(axis=1)
-    nearest = _nearest(middle, near)
-    away = np.linalg.norm(middle - middle[nearest], axis=1)
+    own = nearest(middle, near)
+    away = np.linalg.norm(middle - middle[own], axis=1)
     cuts: list[_Found] = []
     for reach in _REACHES * float(np.ptp(vertices, axis=0).max()):
         within = (away <= reach) & ~outer
         linked = found.faces[within[found.faces].all(axis=1)]
         piece = connected_component_labels(linked, len(faces))
-        seed = within & (piece == piece[nearest])
+        seed = within & (piece == piece[own])
         if seed.any():
             top = middle[seed][np.argmax(middle[seed, 2])] + offset
             _add(cuts, cheapest_cut(found, seed, outer), area, found, top)
     return cuts
-
-
-def _nearest(middle: Array, point: Array) -> int:
-    return int(np.argmin(np.linalg.norm(middle - point, axis=1)))
 
 
 def _add(cuts: list[_Found], rock: Mask, area: Array, found: Turns, top: Array) -> None:
@@ -187,8 +183,8 @@ def _add(cuts: list[_Found], rock: Mask, area: Array, found: Turns, top: Array) 
 def _the_one(good: list[_Found], middle: Array, near: tuple[float, float, float] | None) -> _Found:
     """The cheapest cut, or of those with the face nearest to a point; bumps are of one rock."""
     if near is not None:
-        nearest = _nearest(middle, np.array(near))
-        held = [cut for cut in good if cut.rock[nearest]]
+        own = nearest(middle, np.array(near))
+        held = [cut for cut in good if cut.rock[own]]
         if not held:
             raise Undecided(
                 f"no rock at {place(np.array(near))}",

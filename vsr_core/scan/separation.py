@@ -60,26 +60,40 @@ class Separation:
     notes: tuple[str, ...]
 
 
-def by_cut(mesh: trimesh.Trimesh, cut: Cut) -> Separation:
+def by_cut(mesh: trimesh.Trimesh, cut: Cut, near: Array | None = None) -> Separation:
     """Rock and ground by a user's cut through a clean scan.
 
     Parameters
     ----------
     cut : Plane, Box, Polygon or Colour, in the mesh's coordinates
+    near : ndarray, shape (3,) [m], a point on the rock, where the cut parts several from the ground
 
     Raises
     ------
     InvalidInput
-        If the cut leaves no rock or no ground, or touches the border of the scan.
+        If the cut leaves no rock or no ground, touches the border of the scan, or leaves the face
+        nearest to the point to the ground.
     """
     vertices, faces, rock = split(mesh, cut)
-    rock, notes = whole(vertices, faces, rock)
+    on_rock = None if near is None else nearest(vertices[faces].mean(axis=1), near)
+    rock, notes = whole(vertices, faces, rock, on_rock)
     found = seams(vertices, faces, rock, turns(vertices, faces))
     return Separation(vertices, faces, rock, found, 1.0, notes)
 
 
-def whole(vertices: Array, faces: Indices, rock: Mask) -> tuple[Mask, tuple[str, ...]]:
+def nearest(middle: Array, point: Array) -> int:
+    """Which of faces, by their middles of shape (m, 3) [m], is nearest to a point."""
+    return int(np.argmin(np.linalg.norm(middle - point, axis=1)))
+
+
+def whole(
+    vertices: Array, faces: Indices, rock: Mask, on_rock: int | None = None
+) -> tuple[Mask, tuple[str, ...]]:
     """Rock in one piece without islands of ground: the largest piece of what is given.
+
+    Parameters
+    ----------
+    on_rock : int, a face whose piece it is in place of the largest
 
     Returns
     -------
@@ -88,17 +102,24 @@ def whole(vertices: Array, faces: Indices, rock: Mask) -> tuple[Mask, tuple[str,
     Raises
     ------
     InvalidInput
-        If there is no rock, no ground, or the rock reaches the border of the scan.
+        If there is no rock, no ground, the rock reaches the border of the scan, or that face is of
+        the ground.
     """
     area = areas(vertices, faces)
     outer = at_border(faces)
     if not rock.any():
         raise InvalidInput("a cut that leaves no rock", "part of the scan is rock", "move the cut")
+    if on_rock is not None and not rock[on_rock]:
+        raise InvalidInput(
+            "a cut that leaves pedestal.point_on_rock to the ground",
+            "the point lies on the rock",
+            "move the cut, or the point",
+        )
     side = edges(faces).pairs
     before, given = rock, None
     while given is None or (rock != given).any():
         given = rock
-        rock = _largest(faces, side, area, rock)
+        rock = _one_piece(faces, side, area, rock, on_rock)
         if (rock & outer).any():
             raise InvalidInput(
                 "a cut that touches the border of the scan",
@@ -138,9 +159,10 @@ def at_border(faces: Indices) -> Mask:
     return outer
 
 
-def _largest(faces: Indices, side: Indices, area: Array, rock: Mask) -> Mask:
-    """The largest part of the rock that hangs together by more than an edge across it.
+def _one_piece(faces: Indices, side: Indices, area: Array, rock: Mask, on_rock: int | None) -> Mask:
+    """The part of the rock that holds a face, or the largest.
 
+    It hangs together by more than an edge across it.
     An edge from seam to seam would be an edge of the surface that closes the rock as well.
     """
     one, other = side.T // 3
@@ -148,7 +170,8 @@ def _largest(faces: Indices, side: Indices, area: Array, rock: Mask) -> Mask:
     across = np.isin(links, links[rock[one] != rock[other]]).all(axis=1)
     held = rock[one] & rock[other] & ~across
     piece = connected_component_labels((side // 3)[held], len(area))
-    return rock & (piece == int(np.argmax(np.bincount(piece[rock], weights=area[rock]))))
+    largest = int(np.argmax(np.bincount(piece[rock], weights=area[rock])))
+    return rock & (piece == (largest if on_rock is None else piece[on_rock]))
 
 
 def seams(vertices: Array, faces: Indices, rock: Mask, found: Turns) -> tuple[Seam, ...]:

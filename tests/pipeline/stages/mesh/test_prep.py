@@ -33,6 +33,7 @@ from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import read
 from pipeline.workflow.stage import Job
 from pipeline.workflow.store import Store
+from vsr_core.errors import InvalidInput
 from vsr_core.rock.reduction import FLIGHT_SHARE, SEAT_SHARE
 from vsr_core.scan import cleaning
 from vsr_core.scan.cuts import Colour, Plane
@@ -434,6 +435,35 @@ def test_one_of_two_rocks() -> None:
         )
         place = np.array(found.rock.center_mass) + found.origin
         np.testing.assert_allclose(place, true.center_mass, atol=0.03)
+
+
+def test_a_point_beside_a_cut_chooses_the_piece_that_holds_it() -> None:
+    """A plane through two blocks that stand out of the ground, one larger than the other."""
+    x, y = (part.ravel() for part in np.meshgrid(np.arange(25) / 4, np.arange(25) / 4))
+    large = (abs(x - 1.5) < 0.9) & (abs(y - 1.5) < 0.9)
+    small = (abs(x - 4.5) < 0.6) & (abs(y - 4.5) < 0.6)
+    corner = np.arange(25 * 25).reshape(25, 25)
+    a, b, c, d = (
+        part.ravel()
+        for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1])
+    )
+    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    vertices = np.column_stack([x, y, 1.0 * (large | small)])
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    cut = Plane((0.0, 0.0, 0.3), (0.0, 0.0, 1.0))
+    for point, middle in (((1.5, 1.5, 1.0), 1.5), ((4.5, 4.5, 1.0), 4.5), (None, 1.5)):
+        found = by_cut(mesh, cut, None if point is None else np.array(point))
+        corners = found.vertices[found.faces[found.rock]].reshape(-1, 3)
+        assert (abs(corners[:, :2] - middle) < 1.2).all(), point
+    with pytest.raises(InvalidInput, match=r"leaves pedestal\.point_on_rock to the"):
+        by_cut(mesh, cut, np.array([3.0, 3.0, 0.0]))
+
+
+def test_point_beside_a_cut_is_in_the_scans_own_coordinates(
+    tmp_path: Path, refused: Refused
+) -> None:
+    keys = "cut: {kind: plane, point: [0, 0, 0.1], normal: [0, 0, 1]}, point_on_rock: [0.9, 0.9, 0]"
+    refuse(refused, tmp_path, survey(), ("pedestal.cut: got ", "to the ground"), keys)
 
 
 @pytest.mark.parametrize("content", [b"", b"not a mesh", b"\x00\xff" * 50])
