@@ -145,8 +145,8 @@ def layers(displacement: xr.Dataset, origin: Array) -> tuple[Layer, Layer]:
     return (shapely.points(ends), runs), (lines, runs.isel(run=long))
 
 
-def _fields(runs: xr.Dataset) -> dict[str, NDArray[Any]]:
-    """What is told of each run, by name and unit."""
+def attributes(runs: xr.Dataset) -> dict[str, NDArray[Any]]:
+    """What is told of each run, by name and unit, arrays of shape (run,)."""
     found = {
         "run": runs["number"].values,
         "yaw_deg": runs["yaw"].values,
@@ -157,12 +157,17 @@ def _fields(runs: xr.Dataset) -> dict[str, NDArray[Any]]:
     }
     words = {
         "outcome": [Outcome(code).name.lower() for code in runs["outcome"].values],
-        "movement": [Movement(code).words for code in runs["movement"].values],
+        "movement": [_movement(code) for code in runs["movement"].values],
         "ended": [STOPS[StopReason(code)] for code in runs["stop_reason"].values],
     }
     if "record" in runs:
         words["record"] = runs["record"].values.astype(str).tolist()
     return found | {name: np.array(told, dtype=object) for name, told in words.items()}
+
+
+def _movement(code: int) -> str:
+    """How the rock moved, in words; a run without a verdict has no movement."""
+    return Movement(code).words if code >= 0 else STOPS[StopReason.UNDONE]
 
 
 def _written(driver: str, of: dict[str, Layer], crs: str) -> Writer:
@@ -174,7 +179,7 @@ def _written(driver: str, of: dict[str, Layer], crs: str) -> Writer:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / f"file.{'gpkg' if driver == 'GPKG' else 'geojson'}"
             for layer, (shapes, runs) in of.items():
-                fields = _fields(runs)
+                fields = attributes(runs)
                 pyogrio.raw.write(
                     file,
                     geometry=shapely.to_wkb(shapes),
