@@ -60,7 +60,7 @@ class Shown:
             rule = "it is a dataset of a product, as vsr.run returns it"
             raise InputError(Problem("vsr", "", source, rule, "ask the dataset that it is made of"))
 
-    def _check_folder(self, *, beside: bool = True) -> tuple[str, ...]:
+    def _check_folder(self, *, beside: bool = True) -> dict[str, int]:
         """Refuse a dataset whose folder has come to hold another result since.
 
         Parameters
@@ -69,14 +69,14 @@ class Shown:
 
         Returns
         -------
-        tuple of str, dimensions of the file
+        dict, sizes of the file's dimensions
         """
         if not self._path.is_file():
             holds = "no such file any more"
         else:
             with netCDF4.Dataset(self._path) as file:
                 same = getattr(file, "vsr_key", "") == self._dataset.attrs["vsr_key"]
-                found = tuple(file.dimensions)
+                found = {name: one.size for name, one in file.dimensions.items()}
             anew = remade(self._path.stem, Store(self._path.parent).manifests()) if beside else ""
             if same and not anew:
                 return found
@@ -132,22 +132,25 @@ class Shown:
         return figure
 
     def _figure(self, yaw: float | None, friction: float | None) -> Figure:
-        folder, kind, dimensions = self._path.parent, self._path.stem, self._check_folder()
+        folder, kind, sizes = self._path.parent, self._path.stem, self._check_folder()
+        if kind not in ("fragility", "responses", "displacement", "hazard"):
+            rule = "responses, fragility, displacement and hazard have a figure"
+            raise InputError(Problem("vsr.plot", "", kind, rule, "plot its variables"))
+        if kind == "displacement" and dict(self._dataset.sizes) != sizes:
+            rule, remedy = "the figure needs all runs and their samples", "plot the whole dataset"
+            raise InputError(Problem("vsr.plot", "", "a part of the dataset", rule, remedy))
+        if differ := {*self._dataset.sizes} - _PLACES ^ {*sizes} - _PLACES:
+            rule = "the figure needs all dimensions but yaw and friction, and no other"
+            remedy = "select along yaw and friction only"
+            raise InputError(
+                Problem("vsr.plot", ", ".join(sorted(map(str, differ))), "", rule, remedy)
+            )
         if kind == "displacement":
             terrain = read(folder / "terrain.nc")
             return trajectories(self._dataset, terrain, terrain.attrs.get("source", ""))
         if kind == "hazard":
             settings = json.loads(self._dataset.attrs["vsr_config_json"])["hazard"]
             return survival(self._dataset, settings["minimum_survival_probability"])
-        if kind not in ("fragility", "responses"):
-            rule = "responses, fragility, displacement and hazard have a figure"
-            raise InputError(Problem("vsr.plot", "", kind, rule, "plot its variables"))
-        if differ := {*self._dataset.sizes} - _PLACES ^ {*dimensions} - _PLACES:
-            rule = "the figure needs all dimensions but yaw and friction, and no other"
-            remedy = "select along yaw and friction only"
-            raise InputError(
-                Problem("vsr.plot", ", ".join(sorted(map(str, differ))), "", rule, remedy)
-            )
         data = with_places(self._dataset)
         place = _at(data, "yaw", yaw), _at(data, "friction", friction)
         if kind == "fragility" and yaw is None and data.sizes["yaw"] > 1:

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 import trimesh
 import xarray as xr
+from support import tumbling
 
 import vsr
 from pipeline import ROOT
@@ -251,6 +252,21 @@ def test_what_a_dataset_does_not_have_is_refused() -> None:
     for wrong in ({"yaw": "x"}, {"yaw": [0]}, {"friction": float("nan")}):
         with pytest.raises(vsr.InputError, match=r"got .* it is one of 0(\.6)?; give one"):
             made.vsr.plot(**wrong)
+
+
+def test_a_part_of_a_displacement_or_a_branch_of_a_hazard_is_refused(tmp_path: Path) -> None:
+    made = tumbling.displacement(runs=3, samples=20).assign_attrs(vsr_key="one")
+    made.to_netcdf(tmp_path / "displacement.nc")
+    tumbling.terrain().to_netcdf(tmp_path / "terrain.nc")
+    whole = xr.load_dataset(tmp_path / "displacement.nc")
+    assert len(whole.vsr.plot().axes) > 1
+    for part in (whole.isel(run=[0, 1]), whole.isel(run=1), whole.isel(sample=slice(5))):
+        with pytest.raises(vsr.InputError, match="the figure needs all runs and their samples"):
+            part.vsr.plot()
+    hazard = xr.Dataset({"survival_at_age": (("branch", "age"), np.ones((2, 3)))})
+    hazard.assign_attrs(vsr_key="one").to_netcdf(tmp_path / "hazard.nc")
+    with pytest.raises(vsr.InputError, match="branch: the figure needs all dimensions"):
+        xr.load_dataset(tmp_path / "hazard.nc").isel(branch=0).vsr.plot()
 
 
 def test_a_friction_is_chosen_around_the_circle() -> None:
