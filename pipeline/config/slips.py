@@ -10,6 +10,7 @@ from typing import Any
 
 from pipeline.config.layers import Site
 from pipeline.config.problems import Problem
+from pipeline.config.schema import TableConfig
 
 Values = tuple[float, ...]
 
@@ -147,19 +148,38 @@ IDLE = (
 """Settings that a shape has no part for: the section that has the shape, and what to tell."""
 
 
+OF_TABLES = (
+    Slip("velocity", _above(20.0), "velocities are in m/s", "mm/s? write 0.5 for 500 mm/s"),
+    Slip("stroke", _above(20.0), "strokes are in metres", "mm? write 0.3 for 300 mm"),
+    Slip("pulley_diameter", _above(1.0), "diameters are in metres", "mm? write 0.054 for 54 mm"),
+)
+"""Those of the limits of a shake table."""
+
+
 def warnings(site: Site) -> Iterator[Problem]:
     """Values of a site that look like a common error, or that it has no part for."""
     settings = site.settings.model_dump()
     yield from _idle(site, settings)
+    yield from _suspected(settings, site.file_of, SLIPS)
+
+
+def warnings_of_table(table: TableConfig, file: str) -> Iterator[Problem]:
+    """Limits of a shake table that look like a common error."""
+    return _suspected(table.model_dump(), lambda _: file, OF_TABLES)
+
+
+def _suspected(
+    settings: dict[str, Any], file_of: Callable[[str], str], slips: tuple[Slip, ...]
+) -> Iterator[Problem]:
     warned = set()
-    for slip in SLIPS:
+    for slip in slips:
         for key in slip.keys.split():
             values = _values(settings, key)
             if values and key not in warned and slip.suspect(values):
                 warned.add(key)
                 given = ", ".join(f"{value:g}" for value in values[:3])
                 given += f" to {values[-1]:g}" if len(values) > 3 else ""
-                yield Problem(site.file_of(key), key, given, slip.rule, slip.remedy)
+                yield Problem(file_of(key), key, given, slip.rule, slip.remedy)
 
 
 def _idle(site: Site, settings: dict[str, Any]) -> Iterator[Problem]:

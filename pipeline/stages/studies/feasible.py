@@ -17,6 +17,7 @@ from pipeline.config.layers import load_table
 from pipeline.config.motion_schema import PulseConfig
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.schema import TableConfig
+from pipeline.config.slips import warnings_of_table
 from pipeline.drawing import style
 from pipeline.drawing.style import pictures
 from pipeline.stages.boundary.boundary import BoundaryData
@@ -24,6 +25,7 @@ from pipeline.stages.mesh.products import Standing
 from pipeline.workflow import graph, writers
 from pipeline.workflow.datasets import described, label, netcdf
 from pipeline.workflow.graph import Identity
+from pipeline.workflow.log import complain
 from pipeline.workflow.registry import BY_NAME
 from pipeline.workflow.stage import Job, Product
 from pipeline.workflow.store import writing
@@ -50,6 +52,8 @@ _COLUMNS = {
 def make(job: Job, name: str, export: Path | None) -> list[str]:
     """Write the products, and the commands if wanted."""
     config, file = load_table(name)
+    for warning in warnings_of_table(config, file):
+        complain(f"vsr: warning: {warning}")
     motion = job.config.motion
     if not isinstance(motion, PulseConfig):
         rule, remedy = "the grid is one of cosine pulses", "use a site or study of cosine pulses"

@@ -11,7 +11,8 @@ import pytest
 from pipeline import cli
 from pipeline.config.layers import SITES, STUDIES, Site, known, load_site
 from pipeline.config.problems import InputError
-from pipeline.config.slips import SLIPS, warnings
+from pipeline.config.schema import TableConfig
+from pipeline.config.slips import SLIPS, warnings, warnings_of_table
 from pipeline.config.sweep import load_sweep
 
 SITE = "cuboid_1x1x2"
@@ -102,6 +103,24 @@ def test_no_site_and_no_study_that_is_shipped_is_suspect() -> None:
         for study in known(STUDIES)
     ]
     assert [str(one) for some in of_sites + of_studies for s in some for one in warnings(s)] == []
+
+
+@pytest.mark.parametrize(
+    ("limit", "said"),
+    [
+        ({"velocity": 500.0}, "mine.yaml: velocity: got 500; velocities are in m/s; mm/s?"),
+        ({"stroke": 300.0}, "mine.yaml: stroke: got 300; strokes are in metres; mm?"),
+        ({"pulley_diameter": 53.98}, "mine.yaml: pulley_diameter: got 53.98; diameters are in"),
+    ],
+)
+def test_limits_of_a_table_in_millimetres_are_warned_of(limit: dict[str, float], said: str) -> None:
+    usual = {"velocity": 0.5, "stroke": 0.3, "pulley_diameter": 0.054}
+    others = {"acceleration": 1.2, "payload": 2.0, "steps_per_turn": 1600, "command_rate": 200}
+    table = TableConfig.model_validate(others | usual | limit)
+    (line,) = map(str, warnings_of_table(table, "mine.yaml"))
+    assert line.startswith(said)
+    table = TableConfig.model_validate(others | usual)
+    assert list(warnings_of_table(table, "mine.yaml")) == []
 
 
 @pytest.mark.slow

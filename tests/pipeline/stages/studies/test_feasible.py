@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.config.layers import TABLES, known, load_table
+from pipeline.config.slips import warnings_of_table
 from pipeline.stages.studies import feasible
 from pipeline.stages.studies.feasible import feasible_grid
 from pipeline.workflow.store import Store
@@ -109,7 +110,7 @@ def test_the_mini_shake_robot_is_as_published_and_says_what_is_not() -> None:
 def test_every_table_can_be_loaded() -> None:
     assert "mini_shake_robot" in known(TABLES)
     for name in known(TABLES):
-        load_table(name)
+        assert list(warnings_of_table(*load_table(name))) == []
 
 
 # The command
@@ -171,6 +172,17 @@ def test_products_of_a_small_grid(
     middle = sent[(len(sent) - 1) // 2 - 1]
     place = int(middle["motor_step"]) * math.pi * 0.05 / 1600
     assert place == pytest.approx(2.0 * pulse.pga * 0.15**2, rel=0.01)
+
+
+def test_a_limit_that_looks_like_millimetres_is_told(
+    write_site: Callable[..., str], write_table: Callable[..., str], vsr: Callable[..., object]
+) -> None:
+    table = write_table(MINE.replace("stroke: 0.35", "stroke: 350"))
+    ran = vsr("feasible", "--site", write_site(GRID), "--table", table)
+    assert ran.code == 0, ran.err  # type: ignore[attr-defined]
+    said = [line for line in ran.err.splitlines() if "warning" in line]  # type: ignore[attr-defined]
+    assert len(said) == 1
+    assert "mine.yaml: stroke: got 350; strokes are in metres" in said[0]
 
 
 def test_commands_of_two_tables_never_lie_in_one_folder(
