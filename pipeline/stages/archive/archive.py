@@ -119,7 +119,11 @@ def _dataset(archive: Archive, found: Answers, path: Path) -> xr.Dataset:
         "vsr_key": keys.digest([keys.digest_file(path), shipped_equations.digest()]),
     }
     dataset = xr.Dataset(variables, coords)
-    return attributed(dataset, f"Archive of rocks: {path.stem}", "nonsmooth", provenance)
+    dataset = attributed(dataset, f"Archive of rocks: {path.stem}", "nonsmooth", provenance)
+    dataset["first_overturning_pga"].attrs["long_name"] = (
+        "first-overturning PGA by the equations; missing where none is known to overturn the rock"
+    )
+    return dataset
 
 
 def _table(archive: Archive, dataset: xr.Dataset) -> pd.DataFrame:

@@ -64,7 +64,10 @@ def make(work: Work, motion: MotionConfig, files: MotionFiles | None) -> Product
                 for doubt in one.doubts:
                     work.log(f"motions: {one.file}: {doubt}")
             dataset, summary = _records(files.records, motion.pga)
-    made = {MotionData.FILE: netcdf(described(dataset, work, "Ground motions"))}
+    dataset = described(dataset, work, "Ground motions")
+    if "velocity" in dataset:  # in the catalogue it is that of a rock
+        dataset["velocity"].attrs["long_name"] = "ground velocity"
+    made = {MotionData.FILE: netcdf(dataset)}
     return Product(made, summary)
 
 

@@ -70,6 +70,13 @@ def make(
     tracks, records = drive_runs.tracks(scenes, group, drives, waves)
     rows = drive_runs.rows(work, motion, scenes, group, drives)
     dataset = described(_dataset(tracks, rows), work, "Driven table")
+    dataset["first_overturning_pga"].attrs["long_name"] = (
+        "first-overturning PGA: geometric middle of its interval; missing where an end of it is"
+    )
+    dataset["first_overturning_pga_upper"].attrs["long_name"] = (
+        "upper end of that interval: lowest PGA tried that overturns the rock, missing where none "
+        "does"
+    )
     drawn = {
         "drive_tracking": tracking(dataset),
         "drive_disturbance": disturbed(dataset),

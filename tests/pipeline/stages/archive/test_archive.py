@@ -69,6 +69,7 @@ def test_a_dataset_holds_the_same_with_the_spread_by_what_is_assumed(made: Path)
         data["equation_error"] / 1.96,
     )
     np.testing.assert_allclose(both, data["fragility_log_sd"], rtol=1e-4)
+    assert "interval" not in data["first_overturning_pga"].attrs["long_name"]
     given = data.sel(rock=data["rock_name"] == "Saddle 2", assumption="friction")
     assert (given["unseen_log_sd"] == 0.0).all()  # its friction is in the table
 

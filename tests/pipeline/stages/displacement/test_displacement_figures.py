@@ -724,4 +724,5 @@ def test_catalogue_knows_the_datasets() -> None:
     for name, unit in units.items():
         assert catalogue()[name]["units"] == unit, name
         assert catalogue()[name]["long_name"], name
+    assert "95" not in catalogue()["bound"]["long_name"]  # intervals are of 95 or of 90 %
     assert getattr(outcome, catalogue()["stop_reason"]["flags"]) is StopReason

@@ -125,6 +125,7 @@ def test_motions_are_one_motion(folder: Path) -> None:
         steps = h * v[:-1] + h * h / 6.0 * (2.0 * a[:-1] + a[1:])
         np.testing.assert_allclose(np.diff(d), steps, atol=1e-12)
     assert data["spectral_acceleration"].dims == ("record", "oscillator_frequency")
+    assert data["velocity"].attrs["long_name"] == "ground velocity"
 
 
 def test_report_shows_records(folder: Path) -> None:

@@ -170,6 +170,8 @@ def test_products(
     assert float(rows[-1]["peak_tilt_deg"]) > 80.0
     data = xr.load_dataset(folder / "drive.nc")
     assert data["row_size"].values.sum() == data.sizes["sample"]
+    assert "infinite" not in data["first_overturning_pga"].attrs["long_name"]
+    assert "infinite" not in data["first_overturning_pga_upper"].attrs["long_name"]
     middle = data["first_overturning_pga"].values
     assert middle.shape == (3, 2)
     # Housner's, of a block of 1:3.3, is above tan(alpha) and falls with PGV/PGA.
