@@ -46,8 +46,7 @@ def boundaries(dataset: xr.Dataset, names: list[str]) -> Figure:
         _boundary(axes, dataset.isel(rock=rock))
         name = names[rock] if len(names[rock]) < 32 else names[rock][:30] + "…"
         axes.set_title(name, parse_math=False)
-    if len(rocks):
-        panels[0].legend(loc="upper right")
+        axes.legend(loc="upper right")  # each rock has directions of its own
     figure.supxlabel("PGV/PGA [s]", fontsize=9)
     figure.supylabel("first-overturning PGA [g]", fontsize=9)
     return figure

@@ -15,7 +15,7 @@ from pipeline import ROOT
 from pipeline.cli import REFUSED, UNRESOLVED, main
 from pipeline.config.problems import InputError
 from pipeline.stages.archive import archive as products
-from pipeline.stages.archive import archived_rock, rock_list, shipped_equations
+from pipeline.stages.archive import archive_figures, archived_rock, rock_list, shipped_equations
 from pipeline.stages.hazard.rock_fragility import of_photograph
 from vsr_core.archive.photographs import ASSUMED, Answers, answers
 
@@ -72,6 +72,20 @@ def test_a_dataset_holds_the_same_with_the_spread_by_what_is_assumed(made: Path)
     assert "interval" not in data["first_overturning_pga"].attrs["long_name"]
     given = data.sel(rock=data["rock_name"] == "Saddle 2", assumption="friction")
     assert (given["unseen_log_sd"] == 0.0).all()  # its friction is in the table
+
+
+def test_each_rock_is_drawn_with_its_own_directions(made: Path) -> None:
+    data = xr.load_dataset(made / "archive.nc")
+    names = data["rock_name"].values.tolist()
+    figure = archive_figures.boundaries(data, names)
+    assert len(figure.axes) == 6
+    for axes in figure.axes:
+        towards = data["push_direction"].values[names.index(axes.get_title())]
+        legend = axes.get_legend()
+        assert legend is not None
+        assert [one.get_text() for one in legend.get_texts()] == [
+            f"pushed to {one:.0f}°" for one in towards
+        ]
 
 
 def test_the_page_says_what_was_assumed_beside_the_numbers(made: Path) -> None:
