@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +21,10 @@ FILES = [f"fig_08.{kind}" for kind in making.KINDS]
 
 def figures(derived: Path, *given: str) -> int:
     return cli.main(["figures", "--workers", "0", "--derived", str(derived), *given])
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 pytestmark = pytest.mark.usefixtures("full_pictures")
@@ -46,7 +52,10 @@ def test_again_makes_nothing(derived: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 def test_the_same_bytes_every_time_and_no_date(derived: Path) -> None:
-    data = {told: making.dataset(source, derived) for told, source in fig_08.SOURCES.items()}
+    data = {
+        told: making.dataset(source, derived / source.folder)
+        for told, source in fig_08.SOURCES.items()
+    }
     for name, write in style.pictures("fig_08", fig_08.draw(data), making.KINDS).items():
         write(derived / name)
         made = (derived / "figures" / name).read_bytes()
@@ -56,7 +65,10 @@ def test_the_same_bytes_every_time_and_no_date(derived: Path) -> None:
 
 
 def test_the_figure_has_the_paper_s_axes_and_housner_s_curve(derived: Path) -> None:
-    data = {told: making.dataset(source, derived) for told, source in fig_08.SOURCES.items()}
+    data = {
+        told: making.dataset(source, derived / source.folder)
+        for told, source in fig_08.SOURCES.items()
+    }
     (axes,) = fig_08.draw(data).axes
     assert axes.get_xlim() == (0.05, 0.35)  # section 4.2
     assert axes.get_ylim() == (0.05, 0.5)
@@ -82,6 +94,21 @@ def test_the_verdicts_and_the_page(derived: Path) -> None:
     assert page.count("<img ") == 1
     assert f"Made with <code>{GRID[1]}" in page
     assert 'alt="Fig. 8' in page
+
+
+def test_results_of_another_site_of_that_name_stay(
+    derived: Path, tmp_path: Path, write_site: Callable[..., str], vsr: Callable[..., Any]
+) -> None:
+    own = write_site(name="w2_55cm")
+    assert vsr("run", "rock", "--site", own, into=tmp_path).code == 0
+    mine = contents(tmp_path / "w2_55cm")
+    assert figures(tmp_path, "--fig", "8", *GRID) == 0
+    assert contents(tmp_path / "w2_55cm") == mine
+    (shipped,) = tmp_path.glob("w2_55cm-*")
+    name = "boundary.nc"
+    assert (shipped / name).read_bytes() == (derived / "w2_55cm" / name).read_bytes()
+    name = "figures/fig_08.json"
+    assert (tmp_path / name).read_bytes() == (derived / name).read_bytes()
 
 
 def test_a_figure_that_there_is_not_is_refused(

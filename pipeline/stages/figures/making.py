@@ -6,7 +6,7 @@ import argparse
 import json
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from pipeline.drawing.style import data_uri, pictures
 from pipeline.stages.figures import paper
 from pipeline.stages.figures.paper import RECORDED, Finding, Source
 from pipeline.stages.fragility.summary import SEARCHED
-from pipeline.workflow import graph, keys, pages, writers
+from pipeline.workflow import graph, keys, pages, site_folder, writers
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import read
 from pipeline.workflow.registry import upstream
@@ -62,11 +62,13 @@ def make(options: argparse.Namespace, cluster: Cluster, log: Callable[[str], Non
     figures = {name: paper.load(name) for name in chosen}
     sources = [source for figure in figures.values() for source in figure.SOURCES.values()]
     sites = {source: _site(source, asked) for source in dict.fromkeys(sources)}
+    stores = {source: _store(source, site, asked.derived) for source, site in sites.items()}
     unresolved = 0
     with asked.cluster:
         for folder in dict.fromkeys(source.folder for source in sites):
             there = [source for source in sites if source.folder == folder]
-            unresolved += _bring(there, sites[there[0]], asked)
+            stages = {source.stage for source in there}
+            unresolved += _bring(stages, sites[there[0]], stores[there[0]], asked)
     store = Store(asked.derived / FOLDER)
     with store:
         for name, figure in figures.items():
@@ -74,7 +76,8 @@ def make(options: argparse.Namespace, cluster: Cluster, log: Callable[[str], Non
                 told: graph.identities(source.stage, sites[source])[source.stage].key
                 for told, source in figure.SOURCES.items()
             }
-            _draw(name, figure, needs, store, asked)
+            folders = {told: stores[source].folder for told, source in figure.SOURCES.items()}
+            _draw(name, figure, needs, folders, store, asked)
         publish(store, asked.derived)
     return unresolved
 
@@ -87,18 +90,21 @@ def _site(source: Source, asked: Asked) -> Site:
     return load_site(source.site, source.study or None, settings)
 
 
-def _bring(sources: list[Source], site: Site, asked: Asked) -> int:
+def _store(source: Source, site: Site, derived: Path) -> Store:
+    """Where its products go; a folder in which results of another file lie stays as it is."""
+    return site_folder.store_of(replace(site, name=source.folder), derived, None)
+
+
+def _bring(stages: set[str], site: Site, store: Store, asked: Asked) -> int:
     """Make the datasets of one folder; returns the number of unresolved runs."""
-    folder = sources[0].folder
-    store = Store(asked.derived / folder)
-    job = Job(site, store, asked.cluster, lambda line: asked.log(f"{folder}: {line}"))
+    job = Job(site, store, asked.cluster, lambda line: asked.log(f"{store.folder.name}: {line}"))
     with store:
-        return max(graph.make(stage, job) for stage in _last({s.stage for s in sources}))
+        return max(graph.make(stage, job) for stage in _last(stages))
 
 
-def dataset(source: Source, derived: Path) -> xr.Dataset:
-    """What a figure is given of a source."""
-    first, *others = (read(derived / source.folder / file) for file in source.files)
+def dataset(source: Source, folder: Path) -> xr.Dataset:
+    """What a figure is given of a source, whose products are in a folder."""
+    first, *others = (read(folder / file) for file in source.files)
     for other in others:  # what lies along the dimensions of the first
         first = first.assign(other.drop_dims(set(other.dims) - set(first.dims)).data_vars)
         first.attrs |= {name: value for name, value in other.attrs.items() if name in SEARCHED}
@@ -112,9 +118,19 @@ def _last(stages: set[str]) -> list[str]:
 
 
 def _draw(
-    name: str, figure: paper.PaperFigure, needs: dict[str, str], store: Store, asked: Asked
+    name: str,
+    figure: paper.PaperFigure,
+    needs: dict[str, str],
+    folders: dict[str, Path],
+    store: Store,
+    asked: Asked,
 ) -> None:
-    """Draw a figure and compare it with the paper, unless that was done from the same."""
+    """Draw a figure and compare it with the paper, unless that was done from the same.
+
+    Parameters
+    ----------
+    needs, folders : dict, key of each dataset and the folder where it is, as the figure names it
+    """
     module = f"{paper.__package__}.{name}"
     stage = Stage(name, f"{module}:draw", code=(f"{module}:findings",), versions=_LIBRARIES)
     inputs = {path.name: keys.digest_file(path) for path in paper.inputs(figure)}
@@ -122,7 +138,7 @@ def _draw(
     if not any(graph.why(stage, identity, store)):
         return
     store.open()
-    data = {told: dataset(source, asked.derived) for told, source in figure.SOURCES.items()}
+    data = {told: dataset(source, folders[told]) for told, source in figure.SOURCES.items()}
     recorded = asked.record and any(one.study == RECORDED for one in figure.SOURCES.values())
     other = [*asked.settings, *([f"record={Path(asked.record).name}"] if recorded else [])]
     try:
@@ -201,11 +217,15 @@ def _label(name: str) -> str:
 def speed_findings(derived: Path) -> list[Finding]:
     """Findings on the paper's claims on speed, from the logs of the runs."""
     measured, slowest = [], 0.0
-    for site, stage, what in (
-        ("double_rock", "runs", "Double Rock on a flat pedestal"),
-        ("double_rock_terrain", "displacement_runs", "with its whole trajectory over the terrain"),
+    for source, what in (
+        (Source("double_rock", "runs"), "Double Rock on a flat pedestal"),
+        (
+            Source("double_rock_terrain", "displacement_runs"),
+            "with its whole trajectory over the terrain",
+        ),
     ):
-        notes = [note for note in Store(derived / site).notes(stage) if note["runs"]]
+        store = _store(source, load_site(source.site), derived)
+        notes = [note for note in store.notes(source.stage) if note["runs"]]
         if notes:
             number = sum(note["runs"] for note in notes)
             each = sum(note["cpu_seconds"] for note in notes) / number
