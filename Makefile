@@ -12,8 +12,9 @@ unexport PYTHONDONTWRITEBYTECODE PYTHONHOME PYTHONPATH
 python := .venv/bin/python
 
 # A recipe notes each variable that it reads; what else is given on the command line is refused.
+# What a shell exports for others is no wish of who types: NAME is that of the machine in some.
 given := $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name)))
-read = $(eval taken += $1)$(value $1)
+read = $(eval taken += $1)$(if $(filter environment,$(origin $1)),,$(value $1))
 unread = $(firstword $(filter-out PYTHON $(taken),$(given)))
 checked = $(if $(unread),$(error `make $@` has no variable $(unread); \
   it takes $(or $(sort $(taken)),none)$(call near,$(unread),$(taken))))
@@ -26,6 +27,8 @@ vsr = $(call run,pipeline $1)
 quoted = '$(subst ','\'',$1)'
 argument = $(call quoted,$(call read,$1))
 flag = $(if $(call read,$2),$1 $(call argument,$2))
+switch = $(if $(call read,$2),$(if $(subst =1=,,=$(value $2)=),$(error \
+  $2: got $(value $2); it is 1 where it is given; leave it out or give $2=1),$1))
 list = $(if $(call read,$2),--set $(call quoted,$1=[$(value $2)]))
 derived-flag = $(call flag,--derived,DERIVED)
 study-flags = --site $(call argument,SITE) $(call flag,--name,NAME) $(call flag,--study,STUDY) $(call flag,--set,SET) $(derived-flag)
@@ -73,7 +76,7 @@ hazard: setup ## which branches of a hazard model let SITE's rock stand for its 
 archive: setup ## boundaries of rocks that nobody scanned, known by two angles, from a table ROCKS
 	$(call vsr,archive $(call argument,ROCKS) $(derived-flag))
 
-study: PRODUCT ?= study
+study: PRODUCT := study
 study: setup ## what changes in SITE, or in another PRODUCT of it, along the sweep of STUDY
 	$(call vsr,run $(call argument,PRODUCT) $(site-flags) $(where-flags))
 
@@ -88,7 +91,7 @@ prep: setup ## rock and terrain from SITE's scan, with a page of every step
 accuracy: setup-dev ## error of SITE's boundary against run time, beside other ways of computing it
 	$(call vsr,run accuracy $(site-flags) $(where-flags))
 
-stability: SITE ?= cuboid_1x1x2
+stability: SITE := cuboid_1x1x2
 stability: setup-dev ## stiff and extreme cases, each with its verdict
 	$(call vsr,run stability $(site-flags) $(where-flags))
 
@@ -142,6 +145,7 @@ fetch: setup ## download the public original NAME into data/raw
 #: WORKERS=4              worker processes; 0 for none
 #: SCHEDULER=tcp://h:8786 a running Dask scheduler
 #: DERIVED=folder         where results go, in place of data/derived
+#: Variables count where the command line of make gives them; those of the environment do not.
 
 ## The paper
 .PHONY: figures
@@ -194,11 +198,11 @@ release: setup-dev ## wheel and source of the last commit in dist/, made twice a
 	@scripts/release.sh
 
 lock: ## renew both locks from pyproject.toml; UPGRADE=1 for the newest versions
-	@scripts/setup.sh lock $(if $(call read,UPGRADE),--upgrade)$(checked)
+	@scripts/setup.sh lock $(call switch,--upgrade,UPGRADE)$(checked)
 
 clean: setup ## remove derived data, of SITE or of all; asks first, unless YES=1
-	$(call vsr,clean $(if $(filter undefined,$(origin SITE)),,--site $(call argument,SITE)) $(derived-flag) \
-	  $(if $(call read,YES),--yes))
+	$(call vsr,clean $(if $(filter command,$(origin SITE)),--site $(call argument,SITE)) $(derived-flag) \
+	  $(call switch,--yes,YES))
 
 setup: ## make .venv now, as every target does when it is missing or stale
 	@scripts/setup.sh

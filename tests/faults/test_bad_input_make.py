@@ -24,6 +24,9 @@ REFUSED = {
     "tests": ("no target `tests`",),
     "fragility": ("--site: no site given", "with make SITE="),
     "clean YES=1 SITE=": ("--site: got ''", "omit it"),
+    "clean YES=0": ("YES: got 0", "leave it out or give YES=1"),
+    "clean YES='1 1'": ("YES: got 1 1", "leave it out or give YES=1"),
+    "-n lock UPGRADE=no": ("UPGRADE: got no", "leave it out or give UPGRADE=1"),
 }
 
 
@@ -64,6 +67,18 @@ def test_settings_are_parted_where_a_key_begins(tmp_path: Path) -> None:
 def test_several_targets_share_their_variables() -> None:
     done = make(*READY, "-n", "replay", "plan", "SITE=double_rock", "PGA=0.4")
     assert done.returncode == 0, done.stderr
+
+
+OF_OTHERS = {"NAME": "desktop", "SITE": "here", "PRODUCT": "model", "SET": "on", "YES": "1"}
+
+
+def test_variables_of_the_environment_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    command = (*READY, "-n", "stability", "study", "clean", "SITE=rock", "lock")
+    plain = [make(*command[:end]).stdout for end in (-2, None)]
+    assert "--site 'cuboid_1x1x2'" in plain[0]
+    for name, value in {**OF_OTHERS, "UPGRADE": "1"}.items():
+        monkeypatch.setenv(name, value)
+    assert [make(*command[:end]).stdout for end in (-2, None)] == plain
 
 
 SETPRIV = shutil.which("setpriv")
