@@ -83,7 +83,7 @@ def run(
     product: str,
     site: Site,
     *layers: Settings,
-    name: str = "rock",
+    name: str | None = None,
     study: str | os.PathLike[str] | None = None,
     derived: str | os.PathLike[str] | None = None,
     workers: int | None = None,
@@ -97,7 +97,9 @@ def run(
     site : name of a shipped site, path of a YAML file, or its content; for ``validation`` the
         folder of recorded tests
     layers : settings over those of the site, later ones over earlier ones
-    name : str, of the folder of results, where the site is given by its content
+    name : str, of the folder of results where the site is given by its content, by default
+        ``rock``; of any other site that of a variant, which has a folder of its own, as by
+        ``--name`` of the command
     derived : folder of results, by default ``data/derived`` of the working folder
     keys : sections or keys of the configuration over all of these, e.g. ``yaw=[0, 90]``
 
@@ -130,18 +132,19 @@ def run(
         raise InputError(Problem("vsr.run", "site", f"{site!r:.60}", rule, remedy))
     file: Callable[[], str | os.PathLike[str]]
     if isinstance(site, Mapping):
-        file = partial(_written, folder.absolute(), name, _plain(site))
+        own = "rock" if name is None else name
+        file, variant = partial(_written, folder.absolute(), own, _plain(site)), []
     else:
-        file = partial(os.fspath, site)
+        file, variant = partial(os.fspath, site), [] if name is None else [f"--name={name}"]
     given = "--table" if product == "validation" else "--site"
     with _ONE_AT_A_TIME:
-        words = [given, os.fspath(file()), *settings]
+        words = [given, os.fspath(file()), *variant, *settings]
         words += ["--study", os.fspath(study)] if study else []
         words += [] if workers is None else ["--workers", str(workers)]
         job, _ = commands.made(parsed(["run", product, *words, "--derived", str(folder)]))
         study_of_sweep = job.store.folder / "study.nc"
-        own = job.store.folder / f"{'fragility' if product == 'report' else product}.nc"
-        made = study_of_sweep if study_of_sweep.exists() else own
+        of_rock = job.store.folder / f"{'fragility' if product == 'report' else product}.nc"
+        made = study_of_sweep if study_of_sweep.exists() else of_rock
         words += ["--derived", str(folder.absolute())]
         if product != "validation":
             of = "" if made == study_of_sweep else DELIVERABLES[product].stage

@@ -33,6 +33,23 @@ def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.chdir(tmp_path)
 
 
+def test_a_name_of_a_site_is_that_of_a_variant() -> None:
+    Path("block.yaml").write_text(json.dumps({**BLOCK, **PULSES}))
+    low, high = (
+        vsr.responses("block.yaml", contact={"friction": friction}, name=name, **QUICK)
+        for name, friction in (("low", 0.4), ("high", 0.8))
+    )
+    assert sorted(path.name for path in Path("data/derived").glob("block*/")) == (
+        ["block", "block@high", "block@low"]  # the first has the runs of both
+    )
+    for made, name in ((low, "low"), (high, "high")):
+        assert Path(made.encoding["source"]).parent.name == f"block@{name}"
+        page = made.vsr.replay(pga=0.9, pgv_pga=0.3).path
+        assert f"/block@{name}/" in page.resolve().as_posix()
+    with pytest.raises(vsr.InputError, match=r"^--name: got 'a/b'; it has letters"):
+        vsr.responses("block.yaml", name="a/b", **QUICK)
+
+
 def test_a_sweep_gives_the_dataset_of_the_study() -> None:
     found = vsr.responses(BLOCK, PULSES, study="friction", **QUICK)
     assert found.sizes["friction"] == 7
