@@ -6,7 +6,8 @@ import os
 import re
 import time
 from collections.abc import Iterator
-from contextlib import nullcontext, suppress
+from contextlib import ExitStack, nullcontext, suppress
+from itertools import chain
 from pathlib import Path
 
 from pipeline.workflow.grammar import counted
@@ -15,6 +16,9 @@ from pipeline.workflow.store import Store, writing
 
 DAY = 86400.0
 """Seconds."""
+
+COMPARED = "compared/*/*"
+"""In a site's folder, the same rock with the settings that its hazard is compared with."""
 
 _BESIDE = re.compile(
     r"\.stages/.*|\.(part|try|owner)-.*|\.owner|log\.jsonl|config\.yaml"
@@ -45,11 +49,8 @@ def is_linked(folder: Path, derived: Path) -> bool:
 
 def parted(folder: Path) -> tuple[list[Path], list[Path]]:
     """Files that results are made of, and all else that is in their folder; no link is followed."""
-    homes = {
-        home: Store(home).names()
-        for home in (folder, *folder.glob("studies/*"), *folder.glob("studies/*/*"))
-        if _has_products(home)
-    }
+    inside = chain.from_iterable(map(folder.glob, ("studies/*", "studies/*/*", COMPARED)))
+    homes = {home: Store(home).names() for home in (folder, *inside) if _has_products(home)}
     results: list[Path] = []
     others: list[Path] = []
     for place, below, files in os.walk(folder, onerror=_raise):
@@ -70,7 +71,8 @@ def _raise(error: OSError) -> None:
 def remove(folder: Path) -> None:
     """Remove the results in a folder, and it where nothing else is there.
 
-    Refused while a command is at work in it, which for a variant owns its site's folder.
+    Refused while a command is at work in it, which for a variant owns its site's folder, and for a
+    comparison the folder of that.
     """
     site = folder.with_name(folder.name.partition("@")[0] or folder.name)
     with writing(folder):
@@ -78,9 +80,13 @@ def remove(folder: Path) -> None:
             Ownership(site) if site.is_dir() and site != folder else nullcontext(),
             Ownership(folder),
         ):
-            for path in parted(folder)[0]:
-                if path != folder / LOCK:
-                    path.unlink(missing_ok=True)
+            with ExitStack() as owned:
+                for compared in filter(_has_products, folder.glob(COMPARED)):
+                    if not is_linked(compared, folder):
+                        owned.enter_context(Ownership(compared))
+                for path in parted(folder)[0]:
+                    if path.name != LOCK:
+                        path.unlink(missing_ok=True)
             for empty in _from_below(folder):
                 with suppress(OSError):  # it is not
                     empty.rmdir()

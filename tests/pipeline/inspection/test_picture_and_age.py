@@ -14,7 +14,9 @@ import pytest
 from conftest import Ran
 
 from pipeline import cli
+from pipeline.stages.hazard.other_rocks import folder_of
 from pipeline.workflow.command_line import parser
+from pipeline.workflow.owner import Ownership
 from pipeline.workflow.registry import needs
 from pipeline.workflow.store import Store
 from pipeline.workflow.writers import text
@@ -105,6 +107,28 @@ def test_archives_are_cleaned_as_sites_are(vsr: Callable[..., Ran], derived: Pat
     assert vsr("clean", "--yes", "--site", "archives/new").code == cli.DONE
     assert not list((derived / "archives").iterdir())
     assert (derived / "rock" / "rock.csv").exists()
+
+
+def test_what_a_hazard_is_compared_with_goes_with_its_site(
+    vsr: Callable[..., Ran], derived: Path, tmp_path: Path
+) -> None:
+    compared = derived / "rock" / folder_of("friction 0.4") / "rock"
+    put(derived / "rock", "hazard")
+    put(compared, "fragility")
+    put(tmp_path / "other" / "rock", "rock")
+    compared.parent.with_name("linked").symlink_to(tmp_path / "other")
+    (compared / "runs.sqlite").write_bytes(b"x" * 50_000)
+    owner = Ownership(compared)
+    ran = vsr("clean", "--yes")  # while the comparison is made
+    assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1)
+    assert (derived / "rock" / "hazard.csv").is_file()
+    owner.end()
+    ran = vsr("clean", "--yes")
+    assert ran.out.startswith(f"{derived / 'rock'}: 0.2 MB, last made less than a minute ago; left")
+    assert ran.out.splitlines()[0].endswith(": compared/linked")
+    left = [path.relative_to(derived).as_posix() for path in derived.rglob("*")]
+    assert sorted(left) == ["rock", "rock/compared", "rock/compared/linked"]
+    assert (tmp_path / "other" / "rock" / "rock.csv").is_file()
 
 
 def test_what_is_no_result_is_left_and_named_and_links_are_not_followed(
