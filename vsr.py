@@ -139,7 +139,7 @@ def run(
     given = "--table" if product == "validation" else "--site"
     with _ONE_AT_A_TIME:
         words = [given, os.fspath(file()), *variant, *settings]
-        words += ["--study", os.fspath(study)] if study else []
+        words += [] if study is None else ["--study", os.fspath(study)]
         words += [] if workers is None else ["--workers", str(workers)]
         job, _ = commands.made(parsed(["run", product, *words, "--derived", str(folder)]))
         study_of_sweep = job.store.folder / "study.nc"

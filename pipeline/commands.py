@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.config.layers import CONFIGS, STUDIES, TABLES, known
-from pipeline.config.paths import is_text
+from pipeline.config.paths import is_text, located
 from pipeline.config.problems import InputError, Problem, printable
 from pipeline.config.sweep import Sweep
 from pipeline.inspection import disk
@@ -159,6 +159,8 @@ def figures(options: argparse.Namespace) -> int:
 def feasible(options: argparse.Namespace) -> int:
     """Print and write what a table of hardware can do of a site's motions."""
     make = named("pipeline.stages.studies.feasible:make")
+    if options.export is not None:
+        located(Path.cwd(), options.export, "--export", "")
     job = job_of(options)
     with job.store, job.cluster:
         job.store.open()

@@ -194,9 +194,9 @@ class Layers:
 def read_layers(site: str, study: str | None, settings: tuple[str, ...]) -> Layers:
     """Read base, site and study, and ``key=value`` settings."""
     path = _find(site, SITES, "site")
-    paths = [BASE, path, *([_find(study, STUDIES, "study")] if study else ())]
+    paths = [BASE, path, *(() if study is None else [_find(study, STUDIES, "study")])]
     files = tuple((shown(file), _read(file)) for file in paths)
-    sweep = files[-1][1].pop("sweep", None) if study else None
+    sweep = files[-1][1].pop("sweep", None) if study is not None else None
     parents = {shown(file): file.parent for file in paths}
     given = tuple(map(_setting, one_by_one(settings)))
     return Layers(path, Request(site, study, settings), files, parents, given, sweep)

@@ -73,7 +73,7 @@ def sweep_of(options: argparse.Namespace) -> Sweep | None:
     product = options.product or "study"
     study, stage = options.study, DELIVERABLES[product].stage
     found = None
-    if study and product != "validation":
+    if study is not None and product != "validation":
         found = load_sweep(options.site, study, _settings(vars(options)), gridded=stage in GRIDDED)
     if options.product == "study" and found is None:
         rule = f"{study} has no sweep" if study else "no study given"

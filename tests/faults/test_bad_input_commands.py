@@ -50,6 +50,8 @@ LINES = {
     "no site": (("plan",), "--site: no site given", "e.g. --site", "SITE="),
     "an empty site": (("run", "fragility", "--site", ""), "--site: no site given"),
     "no study": (("run", "study", *SITE), "--study: no study given", "STUDY=friction"),
+    "an empty study": (("plan", *SITE, "--study", ""), "--study: no study given", "STUDY="),
+    "no folder of commands": (("feasible", *SITE, "--export", ""), "--export: got ''", "empty"),
     "no such study": (("plan", *SITE, "--study", "frictoin"), "--study", "did you mean friction?"),
     "no sweep": (("run", "study", *SITE, "--study", "records"), "records has no sweep"),
     "no table": (("run", "validation"), "--table: no folder", "TABLE="),
