@@ -156,7 +156,10 @@ def _stages(folder: Path, told: About, manifests: dict[str, dict[str, Any]]) -> 
             if stage not in BY_NAME:
                 yield f"{stage} is a stage that is not known here"
                 continue
-            own = graph.identities(stage, site, to_make=False)[stage]
+            own = graph.identities(stage, site, to_make=False).get(stage)
+            if own is None:  # as where no engine is there that repeats a sample
+                yield f"{stage} is not made of these settings on this machine"
+                continue
             if own.key == manifest["key"]:
                 continue
             differences = list(graph.differences(manifest["facts"], own.facts))

@@ -122,6 +122,7 @@ def _require_fresh(store: Store, site: Path) -> None:
         given = f"what other settings or inputs made ({found[last]})"
         rule = f"all products are of the settings in {FILE}"
         remedy = f"make it again there with those, e.g. vsr {_command(last)} --site {shown(site)}"
+        remedy += ", or, where they make none, make the others with --name in a folder of their own"
         raise InputError(Problem(str(store.folder), listed([*found]), given, rule, remedy))
 
 

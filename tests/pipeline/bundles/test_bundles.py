@@ -315,6 +315,17 @@ def test_a_site_that_is_refused_is_named_as_in_the_bundle(
         assert not any("/tmp" in line.replace(member, "") for line in lines), lines
 
 
+def test_a_product_that_is_not_made_here_is_told(
+    made: Path, vsr: Callable[..., Ran], tmp_path: Path
+) -> None:
+    facts = {"key": "k", "facts": {"config": {}, "needs": {}}, "unresolved": 0, "retry": 0}
+    Store(made).publish("terrain", facts, {})
+    assert vsr("export", made, "--to", tmp_path / "study.zip").code == cli.DONE
+    ran = vsr("check", tmp_path / "study.zip")
+    line = "terrain is not made of these settings on this machine"
+    assert (ran.code, ran.out.splitlines()) == (cli.UNRESOLVED, [line])
+
+
 def test_manifests_that_need_each_other_end_nothing(bundle: Path, vsr: Callable[..., Ran]) -> None:
     def circle(content: bytes) -> bytes:
         told = json.loads(content)

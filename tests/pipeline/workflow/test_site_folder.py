@@ -112,6 +112,24 @@ def test_plan_knows_the_stored_runs_and_the_step_of_a_study_that_was_not_the_las
     assert again.splitlines()[1:3] == first.splitlines()[1:3]
 
 
+def test_what_settings_do_not_make_any_more_is_left_by_a_variant(
+    vsr: Vsr, write_site: Callable[..., str], derived: Path, tmp_path: Path
+) -> None:
+    made = ("run", "rock", "--site", write_site("uncertainty: {members: 0}\n"))
+    assert vsr(*made).code == 0
+    of_draws = {"config": {"uncertainty.members": 32}, "needs": {}}
+    facts = {"key": "k", "facts": of_draws, "unresolved": 0, "retry": 0}
+    Store(derived / "rock").publish("uncertainty", facts, {})  # and the site has none any more
+    export = ("export", "--to", tmp_path / "study.zip")
+    ran = vsr(*export, derived / "rock")
+    assert (ran.code, "others with --name in a folder" in ran.err) == (2, True), ran.err
+    assert ran.err.startswith(f"vsr: {derived / 'rock'}: uncertainty: got what other settings")
+    assert vsr("run", "uncertainty", *made[2:]).code == 2
+    assert vsr(*made, "--name", "plain").code == 0
+    assert vsr(*export, derived / "rock@plain").code == 0
+    assert vsr("check", tmp_path / "study.zip").out.startswith("whole")
+
+
 @pytest.mark.parametrize("variant", [(), ("--name", "x")])
 def test_two_files_of_one_name_are_two_sites(
     vsr: Vsr,
