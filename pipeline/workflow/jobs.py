@@ -106,7 +106,7 @@ def job_of(options: argparse.Namespace, sweep: Sweep | None = None) -> Job:
     for warning in dict.fromkeys(str(one) for each in sites for one in warnings(each)):
         complain(f"vsr: warning: {warning}")
     store = site_folder.store_of(site, options.derived, given.get("name"))
-    if store.folder.name.partition("@")[0] != site.name:
+    if store.runs.name != site.name:
         log(f"vsr: results of another {site.name}.yaml are there; those of this: {store.folder}")
     return Job(site, store, cluster_of(given), log)
 

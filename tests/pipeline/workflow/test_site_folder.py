@@ -130,6 +130,16 @@ def test_what_settings_do_not_make_any_more_is_left_by_a_variant(
     assert vsr("check", tmp_path / "study.zip").out.startswith("whole")
 
 
+def test_results_of_a_site_with_a_sign_of_variants_in_its_name_are_its_own(
+    vsr: Vsr, write_site: Callable[..., str], derived: Path
+) -> None:
+    site = write_site(name="a@b")
+    for variant, folder in (((), "a@b"), (("--name", "c"), "a@b@c")):
+        ran = vsr("run", "rock", "--site", site, *variant)
+        assert (ran.code, "results of another" in ran.err) == (0, False), ran.err
+        assert (derived / folder / "rock.nc").is_file()
+
+
 @pytest.mark.parametrize("variant", [(), ("--name", "x")])
 def test_two_files_of_one_name_are_two_sites(
     vsr: Vsr,
