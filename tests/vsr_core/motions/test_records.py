@@ -166,6 +166,17 @@ def test_uneven_steps_are_refused_and_left_out_ones_are_gaps() -> None:
     refusal(lambda: read_table("\n".join(turned), None, None), "not increasing")
 
 
+def test_columns_that_state_no_unit_are_in_the_one_that_is_given() -> None:
+    lines = [f"{place * STEP:.2f},{place % 7},{place % 5},{place}" for place in range(64)]
+    text = "\n".join(["time,HNE,HNN,velocity", *lines])
+    found = read_table(text, None, "g")
+    assert found.channels == ("HNE", "HNN")
+    expected = GRAVITY * (np.arange(64) % 5)
+    np.testing.assert_allclose(found.channel("HNN").acceleration, expected)
+    refusal(lambda: found.channel(None), "HNE", "HNN")
+    refusal(lambda: read_table(text, None, None), "without a unit of acceleration")
+
+
 def test_netcdf(tmp_path: Path) -> None:
     path = tmp_path / "one.nc"
     files.netcdf(path, VALUES / GRAVITY, STEP, "g")

@@ -97,8 +97,9 @@ def on_times(
     time : Column [s]
     component : str or None
         Name of the one to take; without it, those in a unit of acceleration or, if there is none,
-        a single one without a unit (or in counts or volts, which is refused with the reason) that
-        is not named after velocity or displacement.
+        those that state no unit where ``unit`` is given, or else a single one without a unit (or in
+        counts or volts, which is refused with the reason); none that is named after velocity or
+        displacement.
 
     Raises
     ------
@@ -107,7 +108,7 @@ def on_times(
         units.
     """
     check_seconds(time.unit)
-    names, units, values = zip(*_wanted(others, component), strict=True)
+    names, units, values = zip(*_wanted(others, component, unit), strict=True)
     if len(set(units)) > 1:
         given = f"{', '.join(names)} in {', '.join(map(str, units))}"
         raise InvalidInput(given, "they share a unit", "name one of them as motion.component")
@@ -133,7 +134,7 @@ _OTHER = re.compile("vel|disp", re.IGNORECASE)
 """How columns of another quantity begin."""
 
 
-def _wanted(columns: list[Column], component: str | None) -> list[Column]:
+def _wanted(columns: list[Column], component: str | None, unit: str | None) -> list[Column]:
     listed = ", ".join(column.name for column in columns) or "nothing"
     if component is not None:
         found = [column for column in columns if column.name == component]
@@ -146,6 +147,8 @@ def _wanted(columns: list[Column], component: str | None) -> list[Column]:
     if len(columns) == len(bare) == 1 and not _OTHER.match(bare[0].name):
         return columns
     accelerations = [column for column in columns if is_acceleration(column.unit or "")]
+    if not accelerations and unit is not None:  # that of all that state none
+        accelerations = [one for one in columns if one.unit is None and not _OTHER.match(one.name)]
     if not accelerations:
         given = f"{listed} along time without a unit of acceleration"
         rule = "one of them is the acceleration, with units such as m s-2"
