@@ -223,6 +223,13 @@ def test_waveforms_keep_gaps_and_are_cut_to_common_times() -> None:
     np.testing.assert_allclose(japanese.acceleration, VALUES)
 
 
+def test_knet_states_accelerations_and_needs_no_response() -> None:
+    how = Reading(response=b"of other files", corners=(0.05, 0.1, 25.0, 35.0))
+    knet = files.knet(VALUES, STEP).encode()
+    with_it, alone = read(knet, ".NS", how), read(knet, ".NS", PLAIN)
+    np.testing.assert_array_equal(with_it.acceleration, alone.acceleration)
+
+
 def test_knet_by_obspy() -> None:
     pytest.importorskip("obspy")
     found = read(files.knet(VALUES, STEP).encode(), ".NS", PLAIN)

@@ -299,7 +299,8 @@ def read_all(content: bytes, suffix: str, how: Reading) -> Record:
         return columns.read_netcdf(content, how.component, how.unit)
     kind = _waveform(content, suffix)
     if kind is not None:
-        return read_waveforms(content, kind, how.unit, how.response, how.corners)
+        response = None if kind == "KNET" else how.response  # it states accelerations
+        return read_waveforms(content, kind, how.unit, response, how.corners)
     if b"\0" in content[:512]:
         raise _unknown()
     text = _text(content)
