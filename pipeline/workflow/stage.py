@@ -121,6 +121,20 @@ class Input(ABC):
         """Load what it needs, while other stages are made."""
 
 
+class FilesInput(Input):
+    """One whose digests were taken when it was found, before its files were read.
+
+    Attributes
+    ----------
+    before : dict, those digests
+    """
+
+    before: dict[str, str]
+
+    def digests_as_read(self) -> dict[str, str]:
+        return self.before
+
+
 @dataclass(frozen=True)
 class Finder:
     """Declaration of an input: the function that finds it, and the class of what is found.

@@ -26,7 +26,7 @@ from pipeline.stages.hazard.hazard_model import (
 )
 from pipeline.stages.hazard.shaking_ratio import disaggregation_files, load_disaggregation
 from pipeline.workflow.keys import digest_file
-from pipeline.workflow.stage import Input
+from pipeline.workflow.stage import FilesInput
 from vsr_core.hazard.events import Events
 
 ABOUT = "about.txt"
@@ -95,7 +95,7 @@ def _nshmp_curve(path: Path, measure: str) -> GivenCurve:
 
 
 @dataclass(frozen=True, eq=False)
-class Curves(Input):
+class Curves(FilesInput):
     """A hazard model's curves, or events, and disaggregation, read and checked.
 
     Attributes
@@ -112,9 +112,6 @@ class Curves(Input):
     disaggregated: Path | None
     about: str
     unused: tuple[str, ...]
-
-    def digests_as_read(self) -> dict[str, str]:
-        return self.before
 
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""

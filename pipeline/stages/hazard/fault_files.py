@@ -24,7 +24,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.config.sections import Key, Refused
 from pipeline.stages.hazard.hazard_model import LEVELS, RATIOS, UNITS
 from pipeline.workflow.keys import digests_of
-from pipeline.workflow.stage import Input
+from pipeline.workflow.stage import FilesInput
 from vsr_core.arrays import Array
 from vsr_core.hazard.scenarios import GroundMotionTable
 
@@ -71,7 +71,7 @@ class Expected(Row):
 
 
 @dataclass(frozen=True, eq=False)
-class Faults(Input):
+class Faults(FilesInput):
     """Faults and the ground-motion model that a site names, read and checked.
 
     Attributes
@@ -83,9 +83,6 @@ class Faults(Input):
     before: dict[str, str]
     faults: tuple[Fault, ...]
     model: GroundMotionTable | None
-
-    def digests_as_read(self) -> dict[str, str]:
-        return self.before
 
     def digests(self) -> dict[str, str]:
         return digests_of(self.files)

@@ -27,7 +27,7 @@ from pipeline.stages.motions.record_inputs import Ready
 from pipeline.workflow import keys
 from pipeline.workflow.datasets import Stored, split
 from pipeline.workflow.keys import AXIS_CODE, COMPONENT_CODE, RECORD_CODE, TABLE_CODE
-from pipeline.workflow.stage import Input
+from pipeline.workflow.stage import FilesInput
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.pulses import CosinePulse, RickerPulse, SinePulse
 from vsr_core.motions.records.components import Components
@@ -254,7 +254,7 @@ class MotionData(Stored):
 
 
 @dataclass(frozen=True, eq=False)
-class MotionFiles(Input):
+class MotionFiles(FilesInput):
     """Files of motions, read and checked.
 
     Attributes
@@ -266,9 +266,6 @@ class MotionFiles(Input):
     before: dict[str, str]
     records: tuple[Ready, ...] = ()
     tables: table_motions.Loaded | None = None
-
-    def digests_as_read(self) -> dict[str, str]:
-        return self.before
 
     def digests(self) -> dict[str, str]:
         return keys.digests_of(self.paths)

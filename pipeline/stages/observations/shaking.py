@@ -21,7 +21,7 @@ from pipeline.stages.motions.record_inputs import LARGEST_FILE, check_file
 from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
 from pipeline.stages.uncertainty.draws import Draw
 from pipeline.workflow.keys import content_of, digest_file
-from pipeline.workflow.stage import Input
+from pipeline.workflow.stage import FilesInput
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.ground_motion import GroundMotion
@@ -43,7 +43,7 @@ NONE_STANDS = -20.0
 
 
 @dataclass(frozen=True)
-class ShakenBy(Input):
+class ShakenBy(FilesInput):
     """Motions of tests in which the rock was shaken, by the number of the observation.
 
     Attributes
@@ -55,9 +55,6 @@ class ShakenBy(Input):
     tests: tuple[tuple[int, Path, ShakeTest], ...]
     file: str
     before: dict[str, str]
-
-    def digests_as_read(self) -> dict[str, str]:
-        return self.before
 
     def digests(self) -> dict[str, str]:
         return _digests(self.tests)

@@ -25,7 +25,7 @@ from pipeline.stages.uncertainty import seats
 from pipeline.stages.uncertainty.seats import DrawnSeat
 from pipeline.workflow.datasets import Stored
 from pipeline.workflow.keys import check_same, digest_file
-from pipeline.workflow.stage import Input
+from pipeline.workflow.stage import FilesInput
 from vsr_core import engines
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
@@ -225,7 +225,7 @@ def surface(rock: RockData, told: ScanErrorConfig, replica: Replica | None) -> F
 
 
 @dataclass(frozen=True)
-class Replica(Input):
+class Replica(FilesInput):
     """A second scan, of the same rock or of a copy of it.
 
     Attributes
@@ -237,9 +237,6 @@ class Replica(Input):
     path: Path
     file: str
     before: dict[str, str] = field(default_factory=dict)
-
-    def digests_as_read(self) -> dict[str, str]:
-        return self.before
 
     def digests(self) -> dict[str, str]:
         """Digest of the file, by its name."""
