@@ -9,7 +9,7 @@ from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.fragility.bisection import OUTWARD
 from vsr_core.fragility.boundary import Cells
 from vsr_core.fragility.model import Evaluate, FragilityModel, maximise
-from vsr_core.fragility.spans import Thresholds
+from vsr_core.fragility.spans import STEP, Thresholds
 
 MAX_BETA = 2.0
 """Largest beta: P then rises from 2.5 % to 97.5 % over a factor 2500 in PGA. A row that exceeds it
@@ -32,8 +32,8 @@ class LognormalFragility(FragilityModel):
     standard deviation of that uniform, width / sqrt(12). A row that never topples (or always
     does) gets the interval of one further step beyond its last (first) PGA. With thresholds, rows
     that change more than once are those that overlap, unless all of that is within one cell, which
-    no slope can be told from: ln theta is then uniform from their first change to their last. A row
-    that is undecided or left out gets ln theta and ln beta linear in ln PGV/PGA between its
+    no slope can be told from: ln theta is then uniform from their first change to their last in it.
+    A row that is undecided or left out gets ln theta and ln beta linear in ln PGV/PGA between its
     neighbours, constant beyond the outermost. Coefficients are ln theta and ln beta, shape
     (batch, n_ratio, 2).
 
@@ -145,7 +145,8 @@ class LognormalFragility(FragilityModel):
             return "above", low, low + further
         if not thresholds.single[row]:
             if self._in_one_cell(row) and np.isfinite(low):
-                return "interval", low, thresholds.last[row]
+                last = thresholds.last[row]  # beyond the cells if it is farther than one is wide
+                return "interval", low, last if last - low <= STEP else high
             return "probit", np.nan, np.nan
         return ("below", high - further, high) if np.isnan(low) else ("interval", low, high)
 

@@ -287,11 +287,11 @@ def dated(
     before = [stage.fragility(folder) for stage in earlier]
     rock = DatedRock(name, now, ages, tuple(zip(before, ended, strict=True)))
     for stage, fragility in zip(earlier, before, strict=True):
-        lost = np.setdiff1d(rock.numbers, fragility.numbers)
-        if fragility.source == DRAWN and len(lost):
+        lost = np.setdiff1d(now.numbers, fragility.numbers)
+        if now.source == fragility.source == DRAWN and len(lost):
             key, rule = "uncertainty.members", "what is unknown of a rock stays through its stages"
             given = f"{counted(len(lost), 'draw')} of {name} that {stage.name} has not"
-            number = max(rock.numbers) + 1
+            number = max(now.numbers) + 1
             remedy = f"set uncertainty.members: {number} there, without observations, "
             remedy += "or hazard.support: scan for the rock"
             raise InputError(Problem(stage.site.file_of(key), key, given, rule, remedy))

@@ -81,29 +81,21 @@ def at2(channel: str, place: int = 1) -> Record:
     return read("".join(lines).encode(), ".at2", Reading())
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "V",
-        "V (CWB)",
-        "V1",
-        "UP,",
-        "ABBAR--V",
-        "U",
-        "UP",
-        "-UP",
-        "U-D",
-        "VRT",
-        "VERT1",
-        "DWN",
-        "UPDO",
-        "G02-UP",
-        "U/D",
-    ],
-)
+PEER = """
+V | V (CWB) | V1 | ABBAR--V | U | UP | -UP | U-D | VRT | VERT1 | DWN | UPDO | G02-UP | U/D
+"""
+
+
+@pytest.mark.parametrize("name", [name.strip() for name in PEER.split("|")])
 def test_vertical_components_of_peer_are_not_horizontal(name: str) -> None:
     assert "which is vertical" in refusal(x=at2(name))
     assert "which is vertical" in refusal(x=at2("000"), y=at2(name, 2))
+
+
+def test_a_line_of_peer_may_end_in_a_comma() -> None:
+    assert "which is vertical" in refusal(x=at2("UP,"))
+    assert at2("").station == "CHY006"
+    check_together({"x": at2("")})
 
 
 def column(name: str, place: int = 1) -> Record:
@@ -160,13 +152,14 @@ def test_a_name_of_thousands_of_digits_is_no_azimuth() -> None:
     check_together({"x": column("9" * 5000)})
 
 
-EAST_AND_NORTH = (
-    "E-W & N/S | e & n | EW1 & NS1 | hne & hnn | East & North | S69E & N21E | 090 & 000"
-)
+EAST_AND_NORTH = """
+E-W & N/S | EW1 & NS1 | hne & hnn | East & North | S69E & N21E | 090 & 000 | BXE & BXN | E-W & N
+"""
 
 WITH_OTHER_WORDS = """
 acc_EW & acc_NS | CH2_E & CH1_N | E-W acc & N-S acc | H2 090 & H1 000 | acc_090 (g) & acc_000 (g) |
-XX.STA..HNE & XX.STA..HNN | acc.E & acc.N | acc North 90 deg East & acc North
+XX.STA..HNE & XX.STA..HNN | acc.E & acc.N | e & n | acc E & acc N-S | acc_EW & acc N/S |
+acc North 90 deg East & acc North
 """
 
 
@@ -189,7 +182,13 @@ def test_a_side_among_other_words_is_told(east: str, north: str) -> None:
     assert "by these words y is not to the left of x" in told
 
 
-@pytest.mark.parametrize("names", [("ax_0.250", "ay_0.250"), ("acc.1", "acc.2"), ("run", "one")])
+@pytest.mark.parametrize(
+    "names",
+    [
+        *(("ax_0.250", "ay_0.250"), ("acc.1", "acc.2"), ("run", "one"), ("S_x", "S_y")),
+        *(("Chn 3", "Chn 4"), ("D_x", "D_N"), ("u", "w")),
+    ],
+)
 def test_names_that_say_no_direction_are_taken_as_given(names: tuple[str, str]) -> None:
     for x, y in (names, names[::-1]):
         check_together({"x": column(x), "y": column(y, 2)})
@@ -205,7 +204,8 @@ def test_a_vertical_that_points_down_is_refused_or_told() -> None:
     for name, word in (
         *(("Z (down)", "down"), ("UD (down positive)", "down"), ("HNZ (g, down)", "down")),
         *(("DOWN raw", "DOWN"), ("XX.DN..HNZ", "DN"), ("Down hole UD", "Down")),
-        *(("E raw", "E"), ("N_filtered", "N"), ("acc 090", "090")),
+        *(("E raw", "E"), ("N_filtered", "N"), ("acc 090", "090"), ("UP 180", "180"), ("x", "x")),
+        *(("GNZ 090", "090"), ("acc_E (up)", "E"), ("w", "w")),
     ):
         check_together({**LEVEL_PAIR, "z": column(name, 3)})
         told = doubts({**LEVEL_PAIR, "z": column(name, 3)})

@@ -21,9 +21,12 @@ _DOWN = re.compile("(DOWN|DWN|DN)[0-9]*", re.IGNORECASE)
 _ALONG_Z = re.compile("AZ[0-9]*", re.IGNORECASE)
 """Alone vertical as well, and beside other words maybe an azimuth."""
 
-_UP_AND_DOWN = re.compile(
-    r"(?<![^\W_])((UP|U)[\W_]+(DOWN|DN|D)|(DOWN|DN|D)[\W_]+(UP|U))(?![^\W_])", re.IGNORECASE
+_TWO_ENDS = re.compile(
+    r"(?<![^\W_])(?:(U)P?[\W_]+(D)(?:OWN|N)?|(D)(?:OWN|N)?[\W_]+(U)P?|(E)[\W_]+(W)|(N)[\W_]+(S))"
+    r"(?![^\W_])",
+    re.IGNORECASE,
 )
+"""Both ends of a direction: Up-Down, N/S."""
 
 _UNIT = re.compile(r"\bc?m/s\S*")
 
@@ -37,10 +40,13 @@ _WORDS = re.compile(r"\d+\.\d+|[^\W_]+")
 
 _SIDES = {"E": 90, "EAST": 90, "N": 0, "NORTH": 0, "W": 270, "WEST": 270, "S": 180, "SOUTH": 180}
 
-_SIDE = re.compile(
+_SIDE = re.compile("(?:[A-Z]{2})?([EN])|(?=EW|NS)([EN])[WS][12]?|([WS])")
+"""Names of channels to a side: SEED's, those of K-NET and KiK-net, and W and S alone."""
+
+_SIDE_WORD = re.compile(
     "(?:[A-Z][GHLN])?([EN])|(?=EW|NS)([EN])[WS][12]?|([WS]|NORTH|EAST|SOUTH|WEST)", re.IGNORECASE
 )
-"""Names of channels to a side: SEED's, those of K-NET and KiK-net, and W and S alone."""
+"""Words that may mean a side."""
 
 _BEARING = re.compile("([NS])([0-9]{1,2})([EW])", re.IGNORECASE)
 
@@ -94,7 +100,7 @@ def check_directions(components: Mapping[str, Record]) -> None:
     dip = told["z"].dip if "z" in told else -90.0
     if "z" in known or abs(dip) < _STEEP:
         raise InvalidInput(f"{names['z']} as z", "z is the vertical component", remedy)
-    if _DOWN.fullmatch(_deciding(names.get("z", ""))) or dip >= _STEEP:
+    if _DOWN.fullmatch(_last(_words(names.get("z", "")))) or dip >= _STEEP:
         rule, remedy = "z points up", "change the sign of its samples"
         raise InvalidInput(f"{names['z']} as z, which points down", rule, remedy)
     known = _azimuths_told(told) or known
@@ -110,24 +116,20 @@ def _name(record: Record) -> str:
 
 
 def _is_vertical(name: str) -> bool:
-    """Whether a channel is vertical by its whole name or its last word.
+    """Whether a channel is vertical by its last word.
 
     >>> [_is_vertical(name) for name in ("UD2", "-UP", "up (1)", "acc_z", "hnz", "U/D", "G02-UP")]
     [True, True, True, True, True, True, True]
-    >>> [_is_vertical(name) for name in ("V", "x (up)", "up-dip", "GBZ_180", "H1 (Az 90)")]
+    >>> [_is_vertical(name) for name in ("V", "x (up)", "D_N", "GBZ_180", "H1 (Az 90)")]
     [False, False, False, False, False]
     """
-    return bool(_VERTICAL.fullmatch(_deciding(name)) or _ALONG_Z.fullmatch(_plain(name)))
+    words = _words(name)
+    alone = len(words) == 1 and _ALONG_Z.fullmatch(words[0])
+    return bool(alone or _VERTICAL.fullmatch(_last(words)))
 
 
-def _deciding(name: str) -> str:
-    """The whole name, its parts joined, if it is a vertical one, else its last word.
-
-    >>> [_deciding(name) for name in ("Up - Down", "CH1_UP", "DN 090", "acc z (1)", "UD10")]
-    ['UpDown', 'UP', '090', 'accz', 'UD10']
-    """
-    plain, words = _plain(name), _words(name)
-    return plain if _VERTICAL.fullmatch(plain) or not words else words[-1]
+def _last(words: list[str]) -> str:
+    return words[-1] if words else ""
 
 
 def _doubtful(name: str) -> list[str]:
@@ -145,14 +147,25 @@ def _plain(name: str) -> str:
 
 
 def _words(name: str) -> list[str]:
-    """Those in brackets first; up and down together are one.
+    """Those in brackets first; both ends of a direction are one.
 
     >>> _words("acc_up m/s2"), _words("East (Z down)"), _words("U-D (1)"), _words("ax_0.250")
     (['acc', 'up'], ['Z', 'down', 'East'], ['1', 'UD'], ['ax', '0.250'])
     """
-    name = _UNIT.sub("", _UP_AND_DOWN.sub("UD", name))
+    name = _UNIT.sub("", _TWO_ENDS.sub(_joined, name))
     inside = _AFTER.search(name)
     return _WORDS.findall(f"{inside[1] if inside else ''} {_AFTER.sub('', name)}")
+
+
+def _joined(ends: re.Match[str]) -> str:
+    """UD, EW or NS.
+
+    >>> _words("Down-Up"), _words("acc e/w")
+    (['UD'], ['acc', 'EW'])
+    """
+    return "".join(
+        sorted(filter(None, ends.groups()), key=lambda end: "UEDWNS".index(end.upper()))
+    ).upper()
 
 
 def _told(components: Mapping[str, Record]) -> dict[str, Direction]:
@@ -223,11 +236,10 @@ def doubts(components: Mapping[str, Record]) -> list[str]:
 def _against(name: str) -> Iterator[tuple[str, str]]:
     """A word of a vertical channel's name that tells otherwise, and what it is taken as."""
     words = _words(name)
-    down = [word for word in words if _DOWN.fullmatch(word)]
-    if down:
+    if down := [word for word in words if _DOWN.fullmatch(word)]:
         yield down[0], "up"
-    level = [word for word in words if _points(word) is not None]
-    if level and not _doubtful(name):
+    level = [word for word in words if _points(word) is not None or word.upper() in ("X", "Y")]
+    if level and not _is_vertical(name):
         yield level[-1], "vertical"
 
 
@@ -237,7 +249,7 @@ def _about_pair(x: str, y: str) -> Iterator[str]:
         for axis, name in (("x", x), ("y", y))
         if (azimuths := [one for one in map(_points, _words(name)) if one is not None])
     }
-    if not _is_square(by_words):
+    if not _is_square(by_words) and by_words["x"] != by_words["y"]:
         yield f"{x} as x and {y} as y are taken so, though by these words y is not to the left of x"
     numbers = [_NUMBERED.search(name) for name in (x, y)]
     if [one and one[1] for one in numbers] == ["1", "2"]:
@@ -257,11 +269,14 @@ def _azimuth(channel: str, *, numbered: bool = False) -> int | None:
     channel = _plain(channel)
     if channel.isdecimal() and len(channel) < len("000"):
         return None if numbered or channel in ("1", "2", "3") else int(channel)
+    side = None if _is_vertical(channel) else _SIDE.fullmatch(channel)
+    if side or len(channel) == 1:
+        return _SIDES[side[side.lastindex or 1]] if side else None
     return _points(channel)
 
 
 def _points(word: str) -> int | None:
-    """The azimuth [degree] that a word is, of three digits, a side or a bearing.
+    """The azimuth [degree] that a word may be, of three digits, a side or a bearing.
 
     >>> [_points(word) for word in ("047", "hne", "North", "NS1", "S69E", "401", "run", "90")]
     [47, 90, 0, 0, 111, None, None, None]
@@ -271,5 +286,5 @@ def _points(word: str) -> int | None:
     if bearing := _BEARING.fullmatch(word):
         off = int(bearing[2]) * (1 if bearing[3].upper() == "E" else -1)
         return (off if bearing[1].upper() == "N" else 180 - off) % 360
-    side = _SIDE.fullmatch(word)
+    side = _SIDE_WORD.fullmatch(word)
     return _SIDES[side[side.lastindex or 1].upper()] if side else None

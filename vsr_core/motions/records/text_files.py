@@ -100,9 +100,10 @@ def read_at2(text: str, unit: str | None) -> Record:
         raise InvalidInput(given, "it is whole", "download it again, or end its last line")
     if len(values) != number:
         raise _other_count(count, number)
-    event = [part.strip() for part in lines[1].strip(" ,\t\r\n").split(",")]
+    event = [part.strip() for part in lines[1].split(",")]
     station = event[-2] if len(event) > 2 else ""
     channel = event[-1] if len(event) > 1 else "1"
+    upward = not channel and station.upper() in ("U", "V", "UP")  # before a comma
     source = f"PEER NGA file: {lines[1].strip()}"
     instruments = (", ".join(event[:-1]),) if station else ()
     values *= factor(name)
@@ -114,7 +115,7 @@ def read_at2(text: str, unit: str | None) -> Record:
         source,
         name,
         instruments=instruments,
-        directions=(UPWARD,) if _UPWARD.fullmatch(channel) else (),
+        directions=(UPWARD,) if _UPWARD.fullmatch(channel) or upward else (),
     )
 
 
