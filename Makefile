@@ -12,9 +12,10 @@ unexport PYTHONDONTWRITEBYTECODE PYTHONHOME PYTHONPATH
 python := .venv/bin/python
 
 # A recipe notes each variable that it reads; what else is given on the command line is refused.
-# What a shell exports for others is no wish of who types: NAME is that of the machine in some.
+# What a shell may export for others is no wish of who types: NAME is that of the machine in some.
 given := $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name)))
-read = $(eval taken += $1)$(if $(filter environment,$(origin $1)),,$(value $1))
+typed := NAME YES
+read = $(eval taken += $1)$(if $(filter $1,$(typed)),$(if $(filter command,$(origin $1)),$(value $1)),$(value $1))
 unread = $(firstword $(filter-out PYTHON $(taken),$(given)))
 checked = $(if $(unread),$(error `make $@` has no variable $(unread); \
   it takes $(or $(sort $(taken)),none)$(call near,$(unread),$(taken))))
@@ -76,7 +77,7 @@ hazard: setup ## which branches of a hazard model let SITE's rock stand for its 
 archive: setup ## boundaries of rocks that nobody scanned, known by two angles, from a table ROCKS
 	$(call vsr,archive $(call argument,ROCKS) $(derived-flag))
 
-study: PRODUCT := study
+study: PRODUCT ?= study
 study: setup ## what changes in SITE, or in another PRODUCT of it, along the sweep of STUDY
 	$(call vsr,run $(call argument,PRODUCT) $(site-flags) $(where-flags))
 
@@ -91,7 +92,7 @@ prep: setup ## rock and terrain from SITE's scan, with a page of every step
 accuracy: setup-dev ## error of SITE's boundary against run time, beside other ways of computing it
 	$(call vsr,run accuracy $(site-flags) $(where-flags))
 
-stability: SITE := cuboid_1x1x2
+stability: SITE ?= cuboid_1x1x2
 stability: setup-dev ## stiff and extreme cases, each with its verdict
 	$(call vsr,run stability $(site-flags) $(where-flags))
 
@@ -145,7 +146,7 @@ fetch: setup ## download the public original NAME into data/raw
 #: WORKERS=4              worker processes; 0 for none
 #: SCHEDULER=tcp://h:8786 a running Dask scheduler
 #: DERIVED=folder         where results go, in place of data/derived
-#: Variables count where the command line of make gives them; those of the environment do not.
+#: Variables of the environment count, too, but NAME and YES, which others may have set there.
 
 ## The paper
 .PHONY: figures
@@ -201,7 +202,7 @@ lock: ## renew both locks from pyproject.toml; UPGRADE=1 for the newest versions
 	@scripts/setup.sh lock $(call switch,--upgrade,UPGRADE)$(checked)
 
 clean: setup ## remove derived data, of SITE or of all; asks first, unless YES=1
-	$(call vsr,clean $(if $(filter command,$(origin SITE)),--site $(call argument,SITE)) $(derived-flag) \
+	$(call vsr,clean $(if $(filter undefined,$(origin SITE)),,--site $(call argument,SITE)) $(derived-flag) \
 	  $(call switch,--yes,YES))
 
 setup: ## make .venv now, as every target does when it is missing or stale

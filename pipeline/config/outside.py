@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import errno
 import io
+import mmap
 import os
 import stat
 from collections import Counter
@@ -35,6 +36,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.config.refusals import problem
 from pipeline.config.sections import Refused, Section
 from vsr_core.errors import InvalidInput
+from vsr_core.motions.hdf5_heaps import endless
 from vsr_core.motions.named_columns import is_cut
 
 LARGEST = 64 * 1024**2
@@ -123,6 +125,14 @@ def held(path: Path, largest: int) -> bytes:
             return file.read(largest)
     except OSError as error:
         raise _unreadable(error) from None
+
+
+def endless_heap(path: Path) -> int | None:
+    """Place of a heap in a file that HDF5 would read for ever; None if there is none."""
+    if not path.stat().st_size:
+        return None
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as held:
+        return endless(held)
 
 
 def _unreadable(error: OSError) -> InvalidInput:

@@ -6,7 +6,7 @@ import os
 import re
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, nullcontext, suppress
+from contextlib import ExitStack, suppress
 from itertools import chain
 from pathlib import Path
 
@@ -74,19 +74,19 @@ def remove(folder: Path) -> None:
     Refused while a command is at work in it, which for a variant owns its site's folder, and for a
     comparison the folder of that.
     """
-    site = folder.with_name(folder.name.partition("@")[0] or folder.name)
+    # where a variant begins is not told: the name of a site may have an @, too
+    before = [at.start() for at in re.finditer("@", folder.name) if at.start()]
+    sites = [folder.with_name(folder.name[:at]) for at in before]
     with writing(folder):
-        with (
-            Ownership(site) if site.is_dir() and site != folder else nullcontext(),
-            Ownership(folder),
-        ):
-            with ExitStack() as owned:
-                for compared in filter(_has_products, folder.glob(COMPARED)):
-                    if not is_linked(compared, folder):
-                        owned.enter_context(Ownership(compared))
-                for path in parted(folder)[0]:
-                    if path.name != LOCK:
-                        path.unlink(missing_ok=True)
+        with ExitStack() as owned:
+            for site in [one for one in sites if one.is_dir()] + [folder]:
+                owned.enter_context(Ownership(site))
+            for compared in filter(_has_products, folder.glob(COMPARED)):
+                if not is_linked(compared, folder):
+                    owned.enter_context(Ownership(compared))
+            for path in parted(folder)[0]:
+                if path.name != LOCK:
+                    path.unlink(missing_ok=True)
             for empty in _from_below(folder):
                 with suppress(OSError):  # it is not
                     empty.rmdir()

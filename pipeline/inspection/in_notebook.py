@@ -147,7 +147,8 @@ class Shown:
             )
         if kind == "displacement":
             terrain = read(folder / "terrain.nc")
-            return trajectories(self._dataset, terrain, terrain.attrs.get("source", ""))
+            # as it is in the file: samples are of runs in that order
+            return trajectories(read(self._path), terrain, terrain.attrs.get("source", ""))
         if kind == "hazard":
             settings = json.loads(self._dataset.attrs["vsr_config_json"])["hazard"]
             return survival(self._dataset, settings["minimum_survival_probability"])

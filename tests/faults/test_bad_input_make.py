@@ -69,16 +69,20 @@ def test_several_targets_share_their_variables() -> None:
     assert done.returncode == 0, done.stderr
 
 
-OF_OTHERS = {"NAME": "desktop", "SITE": "here", "PRODUCT": "model", "SET": "on", "YES": "1"}
-
-
-def test_variables_of_the_environment_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    command = (*READY, "-n", "stability", "study", "clean", "SITE=rock", "lock")
-    plain = [make(*command[:end]).stdout for end in (-2, None)]
-    assert "--site 'cuboid_1x1x2'" in plain[0]
-    for name, value in {**OF_OTHERS, "UPGRADE": "1"}.items():
+def test_what_others_set_in_the_environment_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    command = (*READY, "-n", "stability", "clean", "SITE=rock")
+    plain = make(*command).stdout
+    for name, value in {"NAME": "desktop", "YES": "1"}.items():
         monkeypatch.setenv(name, value)
-    assert [make(*command[:end]).stdout for end in (-2, None)] == plain
+    assert make(*command).stdout == plain
+
+
+def test_a_site_given_before_make_is_all_that_is_removed(monkeypatch: pytest.MonkeyPatch) -> None:
+    after = make(*READY, "-n", "clean", "SITE=rock", "DERIVED=there", "YES=1").stdout
+    assert "--site 'rock' --derived 'there' --yes" in " ".join(after.split())
+    monkeypatch.setenv("SITE", "rock")
+    monkeypatch.setenv("DERIVED", "there")
+    assert make(*READY, "-n", "clean", "YES=1").stdout == after
 
 
 SETPRIV = shutil.which("setpriv")

@@ -13,6 +13,7 @@ import numpy as np
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
+from vsr_core.motions.hdf5_heaps import endless
 
 _BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
 
@@ -138,6 +139,9 @@ def of_netcdf(content: bytes) -> NetCDF:
     InvalidInput
         If it is no whole NetCDF, or has no coordinate ``time``.
     """
+    if endless(content) is not None:
+        given = "a NetCDF file with a heap without end, which HDF5 would read for ever"
+        raise InvalidInput(given, "it is whole", "write or download it again")
     try:
         with netCDF4.Dataset("motion.nc", memory=content) as data:
             return _along_time(data)

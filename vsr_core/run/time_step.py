@@ -81,7 +81,7 @@ class Row:
     pgv_pga : float [s]
     reference : float [m/s^2], the boundary at the reference; infinite if no pulse gets there
     exact : bool, whether the reference is Housner's equation
-    error : ndarray, shape (k,), relative: no run further from the boundary differs
+    error : ndarray, shape (k,), relative: where, from the boundary outwards, a run first agrees
     steps : ndarray, shape (k,), mean time steps of a run
     """
 

@@ -190,12 +190,15 @@ def _explained(
     """Probability by which the errors of both boundaries make each run differ, shape (n,).
 
     A boundary lies somewhere in its interval of the grid, so that a run at one of its ends differs
-    as often as the errors are a share of that interval; nan where the own one was not measured.
+    as often as the errors are a share of that interval, the narrower of the two beside the run; nan
+    where the own one was not measured.
     """
     errors = responses["boundary_error"].values
     frictions = study.settings.contact.friction
     own = np.array([errors[frictions.index(group.friction)] for group in groups])
     levels = np.array(study.motions.pga)
-    spacing = np.diff(levels).min() if len(levels) > 1 else np.inf
+    ends = np.concatenate([[-np.inf], levels, [np.inf]])
+    at = np.abs(levels - pga[:, None]).argmin(axis=1) + 1
+    spacing = np.minimum(ends[at + 1] - ends[at], ends[at] - ends[at - 1])
     share = (own + SECOND_ERROR) * pga / spacing
     return np.where(near, np.minimum(share, 1.0), 0.0)

@@ -1,10 +1,7 @@
 """Data of HDF5 files, but for those that HDF5 would read for ever or make no end of room for.
 
-Texts and arrays of no fixed length lie in heaps: after ``GCOL``, a version and the size, objects
-follow each other, each with its number and its length. Number 0 is what is free, with its own head.
-Of a free one of no length HDF5 goes on to itself, in a loop that hears no signal. Where such a text
-is used, in an array or an attribute, stands its length once more, four bytes before its place, and
-HDF5 makes room for that many.
+Where a text of no fixed length is used, in an array or an attribute, stands its length, four bytes
+before its place in a heap, and HDF5 makes room for that many.
 """
 
 from __future__ import annotations
@@ -17,12 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.config.outside import refused
-
-_HEAP = b"GCOL\1\0\0\0"
-
-_OBJECT = struct.Struct("<H6xQ")
-"""Number and length of an object."""
+from pipeline.config.outside import endless_heap, refused
 
 _HEADS = {1: 8, 2: 8, 3: 9}
 """Bytes of an attribute before its name, the first of which is the version."""
@@ -42,31 +34,10 @@ _PACKED = 1100
 
 def check_heaps(path: Path) -> None:
     """Refuse a file that HDF5 would read for ever."""
-    if not path.stat().st_size:
-        return
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as held:
-        at = held.find(_HEAP)
-        while at >= 0:
-            # what nothing refers to may be the rest of a heap that was given up
-            if _is_endless(held, at) and held.find(struct.pack("<Q", at)) >= 0:
-                rule = "a free place in it has a length"
-                raise refused(path, f"heap at byte {at}", "one without end", rule, "copy it again")
-            at = held.find(_HEAP, at + 1)
-
-
-def _is_endless(held: mmap.mmap, start: int) -> bool:
-    """Whether a free object of a heap has no length."""
-    at = start + len(_HEAP)
-    if at + 8 > len(held):
-        return False
-    end = min(start + struct.unpack_from("<Q", held, at)[0], len(held))
-    at += 8
-    while at + _OBJECT.size <= end:
-        number, length = _OBJECT.unpack_from(held, at)
-        if not number and not length:
-            return True
-        at += length if not number else _OBJECT.size + -(-length // 8) * 8
-    return False
+    at = endless_heap(path)
+    if at is not None:
+        rule = "a free place in it has a length"
+        raise refused(path, f"heap at byte {at}", "one without end", rule, "copy it again")
 
 
 def content(data: Any, most: int) -> Any:

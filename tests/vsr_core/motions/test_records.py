@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import netCDF4
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,6 +19,7 @@ from scipy.signal.windows import tukey
 from support import record_files as files
 
 from pipeline import ROOT
+from pipeline.config.outside import endless_heap
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.pulses import CosinePulse
@@ -188,6 +190,23 @@ def test_netcdf(tmp_path: Path) -> None:
     content = path.read_bytes()
     refusal(lambda: read_netcdf(content, None, None), "acceleration along time", "units")
     refusal(lambda: read_netcdf(content, "acceleration", "m/s2"), "the unit 'm'")
+
+
+def test_a_heap_without_end_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    """Texts with other letters lie in one; its free place is given no length."""
+    path = tmp_path / "one.nc"
+    files.netcdf(path, VALUES, STEP, "m/s2")
+    with netCDF4.Dataset(path, "a") as file:
+        file.station = "Zürich"
+    content = bytearray(path.read_bytes())
+    assert read(bytes(content), ".nc", PLAIN).station == "Zürich"
+    at = content.index(b"GCOL") + 16
+    while int.from_bytes(content[at : at + 2], "little"):  # an object's number; 0 is free
+        at += 16 + -(-int.from_bytes(content[at + 8 : at + 16], "little") // 8) * 8
+    content[at + 8 : at + 16] = bytes(8)
+    path.write_bytes(content)
+    refusal(lambda: read(bytes(content), ".nc", PLAIN), "a heap without end")
+    assert endless_heap(path) == content.index(b"GCOL")
 
 
 def test_unknown_format_is_refused() -> None:
