@@ -23,6 +23,7 @@ from conftest import Ran
 
 from pipeline import ROOT
 from pipeline.config.problems import InputError
+from pipeline.inspection import disk
 from pipeline.stages.mesh import mesh_files
 from pipeline.workflow import graph, owner
 from pipeline.workflow.owner import LOCK, Ownership
@@ -499,3 +500,16 @@ def test_a_study_whose_scan_is_written_over_is_not_compared(
     assert (ran.code, done) == (2, ["rock", "rock"])
     assert "while a command that reads it was at work" in ran.err
     assert not (derived / "rock" / "studies" / "study" / "study.nc").exists()
+
+
+@pytest.mark.parametrize("variant", ["a@v", "a@b@v"])
+def test_results_of_a_variant_stay_while_its_site_is_at_work(tmp_path: Path, variant: str) -> None:
+    """The name of a site may have an @, too."""
+    site, folder = tmp_path / variant.rpartition("@")[0], tmp_path / variant
+    for one in (site, folder):
+        (one / ".stages").mkdir(parents=True)
+    with Ownership(site), pytest.raises(InputError, match=f"process {os.getpid()} on"):
+        disk.remove(folder)
+    assert folder.is_dir()
+    disk.remove(folder)
+    assert not folder.exists()
