@@ -135,6 +135,14 @@ def endless_heap(path: Path) -> int | None:
         return endless(held)
 
 
+def check_heaps(path: Path) -> None:
+    """Refuse a file that HDF5 would read for ever."""
+    at = endless_heap(path)
+    if at is not None:
+        rule = "a free place in it has a length"
+        raise refused(path, f"heap at byte {at}", "one without end", rule, "copy it again")
+
+
 def _unreadable(error: OSError) -> InvalidInput:
     given = f"a file that cannot be read ({error.strerror})"
     return InvalidInput(given, "it is a file that you may read", "correct it")

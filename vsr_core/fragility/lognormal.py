@@ -32,8 +32,9 @@ class LognormalFragility(FragilityModel):
     standard deviation of that uniform, width / sqrt(12). A row that never topples (or always
     does) gets the interval of one further step beyond its last (first) PGA. With thresholds, rows
     that change more than once are those that overlap, unless all of that is within one cell, which
-    no slope can be told from: ln theta is then uniform from their first change to their last in it.
-    A row that is undecided or left out gets ln theta and ln beta linear in ln PGV/PGA between its
+    no slope can be told from: ln theta is then uniform from their first change to their last, or
+    over the first one where others lie beyond the cells. A row that is undecided or left out gets
+    ln theta and ln beta linear in ln PGV/PGA between its
     neighbours, constant beyond the outermost. Coefficients are ln theta and ln beta, shape
     (batch, n_ratio, 2).
 

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.config import long_tables
-from pipeline.config.outside import Row, check_file, checked
+from pipeline.config.outside import Row, check_file, check_heaps, checked
 from pipeline.stages.hazard import openquake
 from pipeline.stages.hazard.event_tables import Event, EventTables, Place, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import Realization
-from pipeline.stages.hazard.hdf5_files import attribute, check_heaps, content
+from pipeline.stages.hazard.hdf5_files import attribute, content
 from vsr_core.arrays import Array
 
 _RULE = "it is an event_based calculation of OpenQuake with ground motions of PGA"

@@ -14,8 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.config.outside import endless_heap, refused
-
 _HEADS = {1: 8, 2: 8, 3: 9}
 """Bytes of an attribute before its name, the first of which is the version."""
 
@@ -30,14 +28,6 @@ _STORED_TEXT = 16
 
 _PACKED = 1100
 """Bytes that one byte of a compressed file can stand for, at most."""
-
-
-def check_heaps(path: Path) -> None:
-    """Refuse a file that HDF5 would read for ever."""
-    at = endless_heap(path)
-    if at is not None:
-        rule = "a free place in it has a length"
-        raise refused(path, f"heap at byte {at}", "one without end", rule, "copy it again")
 
 
 def content(data: Any, most: int) -> Any:

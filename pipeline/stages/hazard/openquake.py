@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.config.outside import check_file, checked, refused, rows, table, text
+from pipeline.config.outside import check_file, check_heaps, checked, refused, rows, table, text
 from pipeline.stages.hazard.hazard_model import (
     MEAN,
     UNITS,
@@ -32,7 +32,7 @@ from pipeline.stages.hazard.hazard_model import (
     Realization,
     model,
 )
-from pipeline.stages.hazard.hdf5_files import attribute, check_heaps, content
+from pipeline.stages.hazard.hdf5_files import attribute, content
 from pipeline.workflow.grammar import listed
 from vsr_core.arrays import Array
 from vsr_core.errors import reason

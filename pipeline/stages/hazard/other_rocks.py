@@ -286,12 +286,14 @@ def dated(
     *ended, ages = back_to(age, history, *seen).T
     before = [stage.fragility(folder) for stage in earlier]
     rock = DatedRock(name, now, ages, tuple(zip(before, ended, strict=True)))
+    of_draws = [one.numbers for one in rock.stages if one.source == DRAWN]
     for stage, fragility in zip(earlier, before, strict=True):
-        lost = np.setdiff1d(now.numbers, fragility.numbers)
-        if now.source == fragility.source == DRAWN and len(lost):
+        if fragility.source != DRAWN:
+            continue
+        if len(lost := np.setdiff1d(of_draws[0], fragility.numbers)):
             key, rule = "uncertainty.members", "what is unknown of a rock stays through its stages"
             given = f"{counted(len(lost), 'draw')} of {name} that {stage.name} has not"
-            number = max(now.numbers) + 1
+            number = max(of_draws[0]) + 1
             remedy = f"set uncertainty.members: {number} there, without observations, "
             remedy += "or hazard.support: scan for the rock"
             raise InputError(Problem(stage.site.file_of(key), key, given, rule, remedy))

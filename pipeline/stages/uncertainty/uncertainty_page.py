@@ -313,10 +313,7 @@ def shares(found: xr.Dataset) -> Figure:
         axes.barh(place + shift, value, 0.36, color=colour, label=text)
         axes.hlines(place + shift, *ends.T, color=style.INK, lw=1.0)
     axes.set_yticks(place, names)
-    axes.set(
-        xlim=(0.0, 1.0),
-        xlabel="share of the explained variance of the height, 5 to 95 %",
-    )
+    axes.set(xlim=(0.0, 1.0), xlabel="share of the explained variance of the height, 5 to 95 %")
     axes.grid(visible=True, axis="x")
     figure.legend(loc="outside lower center", ncols=1)
     return figure

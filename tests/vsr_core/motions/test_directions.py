@@ -153,12 +153,12 @@ def test_a_name_of_thousands_of_digits_is_no_azimuth() -> None:
 
 
 EAST_AND_NORTH = """
-E-W & N/S | EW1 & NS1 | hne & hnn | East & North | S69E & N21E | 090 & 000 | BXE & BXN | E-W & N
+E-W & N/S | EW1 & NS1 | East & North | S69E & N21E | 090 & 000 | BXE & BXN | E-W & N
 """
 
 WITH_OTHER_WORDS = """
 acc_EW & acc_NS | CH2_E & CH1_N | E-W acc & N-S acc | H2 090 & H1 000 | acc_090 (g) & acc_000 (g) |
-XX.STA..HNE & XX.STA..HNN | acc.E & acc.N | e & n | acc E & acc N-S | acc_EW & acc N/S |
+XX.STA..HNE & XX.STA..HNN | acc.E & acc.N | e & n | hne & hnn | acc E & acc N-S | acc_EW & acc N/S |
 acc North 90 deg East & acc North
 """
 

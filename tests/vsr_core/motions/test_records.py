@@ -177,6 +177,8 @@ def test_columns_that_state_no_unit_are_in_the_one_that_is_given() -> None:
     np.testing.assert_allclose(found.channel("HNN").acceleration, expected)
     refusal(lambda: found.channel(None), "HNE", "HNN")
     refusal(lambda: read_table(text, None, None), "without a unit of acceleration")
+    other = text.replace("HNE", "HNE [milli-g]")
+    refusal(lambda: read_table(other, None, "g"), "without a unit of acceleration")
 
 
 def test_netcdf(tmp_path: Path) -> None:

@@ -97,8 +97,8 @@ def on_times(
     time : Column [s]
     component : str or None
         Name of the one to take; without it, those in a unit of acceleration or, if there is none,
-        those that state no unit where ``unit`` is given, or else a single one without a unit (or in
-        counts or volts, which is refused with the reason); none that is named after velocity or
+        all where none states a unit and ``unit`` is given, or else a single one without a unit (or
+        in counts or volts, which is refused with the reason); none that is named after velocity or
         displacement.
 
     Raises
@@ -147,8 +147,8 @@ def _wanted(columns: list[Column], component: str | None, unit: str | None) -> l
     if len(columns) == len(bare) == 1 and not _OTHER.match(bare[0].name):
         return columns
     accelerations = [column for column in columns if is_acceleration(column.unit or "")]
-    if not accelerations and unit is not None:  # that of all that state none
-        accelerations = [one for one in columns if one.unit is None and not _OTHER.match(one.name)]
+    if unit is not None and all(one.unit is None for one in columns):
+        accelerations = [one for one in columns if not _OTHER.match(one.name)]
     if not accelerations:
         given = f"{listed} along time without a unit of acceleration"
         rule = "one of them is the acceleration, with units such as m s-2"

@@ -270,9 +270,9 @@ def _azimuth(channel: str, *, numbered: bool = False) -> int | None:
     if channel.isdecimal() and len(channel) < len("000"):
         return None if numbered or channel in ("1", "2", "3") else int(channel)
     side = None if _is_vertical(channel) else _SIDE.fullmatch(channel)
-    if side or len(channel) == 1:
-        return _SIDES[side[side.lastindex or 1]] if side else None
-    return _points(channel)
+    if side:
+        return _SIDES[side[side.lastindex or 1]]
+    return _points(channel) if channel.isdecimal() or len(channel) > len("HNE") else None
 
 
 def _points(word: str) -> int | None:

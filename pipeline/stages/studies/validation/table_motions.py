@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.config import in_si
-from pipeline.config.outside import check_file, refused
+from pipeline.config.outside import check_file, check_heaps, refused
 from pipeline.config.paths import shown
 from pipeline.config.problems import InputError
 from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA
@@ -209,6 +209,7 @@ def _check_rate(path: Path, rate: object, interval: float) -> None:
 
 def _records(folder: Path) -> xr.Dataset:
     check_file(folder / RECORDS, _LARGEST)
+    check_heaps(folder / RECORDS)
     try:
         return xr.open_dataset(folder / RECORDS, decode_times=False)
     except Exception as error:  # noqa: BLE001 (of a broken file, whatever HDF5 meets first)

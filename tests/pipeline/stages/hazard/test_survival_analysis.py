@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,9 +22,11 @@ from pipeline.config.hazard_schema import (
     SampledAge,
 )
 from pipeline.config.observation_schema import Earthquake
+from pipeline.config.problems import InputError
 from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
+from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_members
 from pipeline.stages.hazard.survival_analysis import (
@@ -230,6 +235,30 @@ def test_a_stage_whose_draws_nothing_chose_hides_no_repeats() -> None:
         analysis = of_curves(model(1e-4), DatedRock("rock", own, age, earlier))
         error.append(survival_error(analysis, analysis.survival_of_others()))
     np.testing.assert_allclose(*error, rtol=1e-3)
+
+
+@pytest.mark.parametrize("now", [32, 0])
+def test_a_stage_that_lacks_draws_of_the_rock_is_refused(now: int) -> None:
+    """Or of the first stage that has any, where the rock has none as it stands."""
+    drawn = [ensemble(np.linspace(0.3, 0.6, number).tolist()) for number in (32, 8)]
+    fits = replace(drawn[0], source=FITTED, numbers=np.array([], int))
+    earlier: list[Any] = [
+        SimpleNamespace(
+            name=name,
+            observed=(),
+            site=SimpleNamespace(file_of=lambda key: "before.yaml"),
+            fragility=lambda folder, one=one: one,
+        )
+        for name, one in zip(("late", "early"), drawn, strict=True)
+    ]
+    ends = tuple(
+        EarlierStage(site=name, until=NormalAge(kind="normal", mean=mean))
+        for name, mean in (("late", 300.0), ("early", 600.0))
+    )
+    age, own = NormalAge(kind="normal", mean=900.0), drawn[0] if now else fits
+    with pytest.raises(InputError, match="24 draws of rock that early has not"):
+        dated(Path(), "rock", own, age, ends, (), earlier)
+    assert dated(Path(), "rock", own, age, ends[:1], (), earlier[:1]).drawn
 
 
 def test_fits_of_the_rock_stand_beside_the_draws_that_all_its_stages_have() -> None:
