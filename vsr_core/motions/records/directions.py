@@ -158,14 +158,13 @@ def _words(name: str) -> list[str]:
 
 
 def _joined(ends: re.Match[str]) -> str:
-    """UD, EW or NS.
+    """UD, EW or NS, whichever end comes first.
 
     >>> _words("Down-Up"), _words("acc e/w")
     (['UD'], ['acc', 'EW'])
     """
-    return "".join(
-        sorted(filter(None, ends.groups()), key=lambda end: "UEDWNS".index(end.upper()))
-    ).upper()
+    both = {end.upper() for end in ends.groups() if end}
+    return next(word for word in ("UD", "EW", "NS") if both == {*word})
 
 
 def _told(components: Mapping[str, Record]) -> dict[str, Direction]:
