@@ -81,12 +81,13 @@ def remove(folder: Path) -> None:
         with ExitStack() as owned:
             for site in [one for one in sites if one.is_dir()] + [folder]:
                 owned.enter_context(Ownership(site))
-            for compared in filter(_has_products, folder.glob(COMPARED)):
-                if not is_linked(compared, folder):
-                    owned.enter_context(Ownership(compared))
-            for path in parted(folder)[0]:
-                if path.name != LOCK:
-                    path.unlink(missing_ok=True)
+            with ExitStack() as inside:
+                for compared in filter(_has_products, folder.glob(COMPARED)):
+                    if not is_linked(compared, folder):
+                        inside.enter_context(Ownership(compared))
+                for path in parted(folder)[0]:
+                    if path.name != LOCK:
+                        path.unlink(missing_ok=True)
             for empty in _from_below(folder):
                 with suppress(OSError):  # it is not
                     empty.rmdir()

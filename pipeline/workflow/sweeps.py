@@ -94,6 +94,7 @@ def _check_members(swept: Swept, wanted: Identity) -> None:
     for member in swept.sweep.members:
         manifest = swept.jobs[member.place].store.manifest(swept.stage)
         if manifest is None or manifest["key"] != wanted.facts["needs"][member.name]:
+            graph.check_same(wanted, _wanted(swept).facts, swept.job)  # names the file, if it can
             given = f"{member.name} made of files as they were in between"
             raise edited_since(swept.job.site.file, given)
 
