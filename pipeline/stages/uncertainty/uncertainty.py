@@ -90,8 +90,8 @@ def make(
     work.log(f"uncertainty: {len(draws)} draws of {levels} first overturnings each")
     if observed and observed.repeats:
         work.log(
-            f"uncertainty: by the observations an effective number of rocks of {observed.rocks:.3g} "
-            f"for {counted(len(draws), 'draw')}: intervals that count these are too narrow"
+            "uncertainty: by the observations an effective number of rocks of "
+            f"{observed.rocks:.3g} for {counted(len(draws), 'draw')}: intervals that count these are too narrow"
         )
     found = outcomes(wanted)
     known = drawing.priors(config)
