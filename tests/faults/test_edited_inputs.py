@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+import xarray as xr
 from conftest import Ran
 from support import record_files
 
 from pipeline import ROOT
 from pipeline.config.layers import load_site
+from pipeline.config.observation_schema import ShakeTest
+from pipeline.config.priors_schema import ScanErrorConfig
+from pipeline.config.problems import InputError
 from pipeline.stages.hazard import curve_folder, fault_files
 from pipeline.stages.motions import record_inputs, table_motions
 from pipeline.stages.motions.motion_grid import MotionFiles
@@ -160,54 +165,31 @@ def test_a_member_of_another_record_is_compared_with_none(
     assert vsr(*study).code == 0
 
 
-DRAWN = """
-rock: {shape: mesh, mesh: rock.ply, density: 2110}
-motion: {pga: [0.5]}
-uncertainty: {members: 8, scan: {replica: copy.obj}}
-"""
-SHAKEN = "observations: [{kind: shake, motion: wave.csv, direction: 0, outcome: stood}]\n"
-
-
-@pytest.mark.parametrize(
-    ("text", "product", "name", "module", "function"),
-    [
-        (DRAWN + SHAKEN, "observations", "wave.csv", shaking.ShakenBy, "motion"),
-        (DRAWN, "uncertainty", "copy.obj", drawing, "surface"),
-    ],
-)
-def test_what_is_read_late_is_what_the_key_is_of(
-    text: str,
-    product: str,
-    name: str,
-    module: Any,
-    function: str,
-    inputs: Path,
-    write_site: Callable[..., str],
-    vsr: Callable[..., Ran],
-    derived: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Saved otherwise while it is read, and put back."""
-    (vertices, faces), rng = double_rock(), np.random.default_rng(1)
-    for file in ("rock.ply", "copy.obj"):  # two scans of one rock
-        scan = vertices + 0.002 * rng.standard_normal(vertices.shape)
-        trimesh.Trimesh(scan, faces).export(inputs / file)
-    site, path, read = write_site(text), inputs / name, getattr(module, function)
-    right = path.read_bytes()
-
-    def read_another(*given: Any) -> Any:
-        path.write_bytes(right + b"\n")
-        try:
-            return read(*given)
-        finally:
-            path.write_bytes(right)
-
-    monkeypatch.setattr(module, function, read_another)
-    ran = vsr("run", product, "--site", site)
-    assert ran.code == 2, ran.err
-    assert name in ran.err
-    assert "edited while a command that reads it was at work" in ran.err
-    assert not (derived / "rock" / f"{product}.nc").exists()
+def test_a_motion_and_a_second_scan_are_those_of_the_key_when_they_are_read(inputs: Path) -> None:
+    """They are read long after their digests, and were saved otherwise in between."""
+    wave, copy = inputs / "wave.csv", inputs / "copy.obj"
+    vertices, faces = double_rock()
+    rng = np.random.default_rng(1)
+    scans = [vertices + 0.002 * rng.standard_normal(vertices.shape) for _ in range(2)]
+    trimesh.Trimesh(scans[1], faces).export(copy)
+    test = ShakeTest(kind="shake", motion="wave.csv", direction=0.0, outcome="stood")
+    shaken = shaking.ShakenBy(((0, wave, test),), "rock.yaml", {})
+    shaken = replace(shaken, before=shaken.digests())
+    second = drawing.Replica(copy, "rock.yaml")
+    second = replace(second, before=second.digests())
+    dataset = xr.Dataset(
+        {"surface_vertex": (("v", "axis"), scans[0]), "surface_face": (("f", "corner"), faces)},
+        attrs={"shape_source": "scan"},
+    )
+    rock: Any = SimpleNamespace(data=dataset)
+    assert shaken.motion(0).duration > 0.0
+    assert drawing.surface(rock, ScanErrorConfig(), second).replica
+    for path in (wave, copy):
+        path.write_bytes(path.read_bytes() + b"\n")
+    with pytest.raises(InputError, match=r"wave.csv.*edited while a command that reads it"):
+        shaken.motion(0)
+    with pytest.raises(InputError, match=r"copy.obj.*edited while a command that reads it"):
+        drawing.surface(rock, ScanErrorConfig(), second)
 
 
 def test_a_record_that_comes_while_others_are_read_waits_for_the_next_command(

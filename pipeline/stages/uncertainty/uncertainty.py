@@ -91,7 +91,8 @@ def make(
     if observed and observed.repeats:
         work.log(
             "uncertainty: by the observations an effective number of rocks of "
-            f"{observed.rocks:.3g} for {counted(len(draws), 'draw')}: intervals that count these are too narrow"
+            f"{observed.rocks:.3g} for {counted(len(draws), 'draw')}: intervals that count these "
+            "are too narrow"
         )
     found = outcomes(wanted)
     known = drawing.priors(config)
