@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any
 
 from pipeline.config.layers import Site
@@ -186,9 +185,9 @@ def _idle(site: Site, settings: dict[str, Any]) -> Iterator[Problem]:
     for keys, (section, shape), rule, remedy in IDLE:
         if settings.get(section, {}).get("shape") == shape:
             for key in keys.split():
-                part = reduce(lambda tree, name: tree.get(name) or {}, key.split("."), settings)
-                given: Any = part
-                if given and given != 1.0:  # the scale of a file in metres
+                above, _, name = key.partition(".")
+                given = settings[above].get(name) if above in settings else None
+                if given not in (None, 1.0):  # the scale of a file in metres
                     yield Problem(site.file_of(key), key, str(given), rule, remedy)
 
 
