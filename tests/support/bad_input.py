@@ -152,29 +152,38 @@ BROKEN_WORDS = (
 )
 
 
-@st.composite
-def broken(draw: st.DrawFn, whole: bytes) -> bytes:
+_ALL = 1 << 40
+"""Bytes gone that are all that follow."""
+
+_DAMAGES = st.lists(
+    st.tuples(
+        st.booleans(),  # in a header, or anywhere
+        st.integers(0, _ALL - 1),
+        st.sampled_from((0, 1, 4, 12, _ALL)),
+        st.sampled_from(BROKEN_WORDS) | st.binary(max_size=6),
+    ),
+    min_size=1,
+    max_size=4,
+)
+"""Made once, as hypothesis takes longer to make a strategy than to draw from it."""
+
+
+def broken(whole: bytes) -> st.SearchStrategy[bytes]:
     """A file's content with some of its bytes replaced, put in or left out, or cut short.
 
     Parameters
     ----------
-    draw : callable
     whole : bytes
-
-    Returns
-    -------
-    bytes
     """
-    content = whole
-    for _ in range(draw(st.integers(1, 4))):
-        if not content:
-            break
-        first = draw(st.integers(0, min(len(content), 500) - 1))  # headers are there
-        at = draw(st.just(first) | st.integers(0, len(content) - 1))
-        gone = draw(st.sampled_from((0, 1, 4, 12, len(content))))
-        put = draw(st.sampled_from(BROKEN_WORDS) | st.binary(max_size=6))
-        content = content[:at] + put + content[at + gone :]
-    return content
+
+    def damaged(damages: list[tuple[bool, int, int, bytes]]) -> bytes:
+        content = whole
+        for in_header, place, gone, put in damages:
+            at = place % max(min(len(content), 500 if in_header else _ALL), 1)
+            content = content[:at] + put + content[at + gone :]
+        return content
+
+    return _DAMAGES.map(damaged)
 
 
 @contextmanager
