@@ -136,7 +136,8 @@ def code(engine: str, *, terrain: bool) -> tuple[str, ...]:
 def identity(scenes: Scenes) -> dict[str, Any]:
     """Tell what all runs of a study share, but for group, motion and time step."""
     config, rock, ground = scenes.settings, scenes.rock, scenes.ground
-    parts = (rock.vertices, rock.inertia, rock.axes)
+    touching = rock.pieces if ground else ()
+    parts = (rock.vertices, rock.inertia, rock.axes, *touching)
     engine = config.engine
     return {
         "rock": [

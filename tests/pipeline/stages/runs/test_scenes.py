@@ -56,3 +56,18 @@ def test_runs_on_other_ground_are_other_runs(change: str) -> None:
     again = Ground(replace(SEAT), (standing(0.3), standing(0.3)))
     assert told(again) == told(known)
     assert told(CHANGES[change](known)) != told(known)
+
+
+def test_a_rock_of_pieces_is_another_one_where_they_touch() -> None:
+    """On a plane its hull touches, whatever it is made of."""
+    lower, upper = (ROCK.vertices[(ROCK.vertices[:, 2] < 0.0) == low] for low in (True, False))
+    whole, parted = Standing(ROCK, None), Standing(replace(ROCK, pieces=(lower, upper)), None)
+    other = Standing(replace(ROCK, pieces=(upper, lower)), None)
+    ground = Ground(SEAT, (standing(0.3), standing(0.3)))
+    keys = [
+        str(scenes.identity(Scenes(CONFIG.scene, rock, ground))) for rock in (whole, parted, other)
+    ]
+    assert len(set(keys)) == len(keys)
+    level = load_site("double_rock").config.scene
+    found = [scenes.identity(Scenes(level, rock, None)) for rock in (whole, parted)]
+    assert found[0] == found[1]
