@@ -71,7 +71,7 @@ class Origin:
         ----------
         key : str, e.g. ``"motion.files"``
         """
-        return self.places.get(tuple(key.split(".")), (self.file, self.folder))[1]
+        return self._set_in(key)[1]
 
     def located(self, key: str, name: str) -> Path:
         """The path that a dotted key gives."""
@@ -84,8 +84,11 @@ class Origin:
         -------
         str, a file as a reader would write it, or an option of the command line
         """
+        return self._set_in(key)[0]
+
+    def _set_in(self, key: str) -> tuple[str, Path]:
         found = nearest(self.places, tuple(key.split(".")))
-        return self.file if found is None else found[0]
+        return (self.file, self.folder) if found is None else found
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -72,14 +72,16 @@ _FORMULA = re.compile(r"[\t\r]|[\s\ufeff\u200b]*[=+\-@\uff1d\uff0b\uff0d\uff20]"
 """Beginnings of what a spreadsheet would compute, or run: signs, also of full width, also after
 what it leaves out."""
 
+_NUMBER = re.compile(r"-?\d+(\.\d+)?")
+
 
 def _shown(value: Any) -> Any:
     """The value as a table shows it.
 
-    >>> _shown(0.1234567), _shown(1234567), _shown(" =1+1"), _shown(-1.5)
-    ('0.123457', 1234567, "' =1+1", '-1.5')
+    >>> _shown(0.1234567), _shown(1234567), _shown(" =1+1"), _shown(-1.5), _shown("-90.0")
+    ('0.123457', 1234567, "' =1+1", '-1.5', '-90.0')
     """
-    if isinstance(value, str) and _FORMULA.match(value):
+    if isinstance(value, str) and _FORMULA.match(value) and not _NUMBER.fullmatch(value):
         return f"'{value}"
     return f"{value:.6g}" if isinstance(value, float) else value
 

@@ -113,11 +113,13 @@ def test_a_shaken_rock_is_run_along_its_direction(
     """0.235 g for 3 s topple what tips at less against their direction, and nothing along y."""
     time = np.arange(0.0, 6.0, 0.01)
     acceleration = 2.3 * (time > 0.0) * (time < 3.0)
+    acceleration[400] = np.nan  # at rest before and after
     rows = "\n".join(f"{t:.2f},{a:.3f}" for t, a in zip(time, acceleration, strict=True))
     (tmp_path / "push.csv").write_text(f"time [s],up 000 [m/s2]\n{rows}\n")
     test = "{{kind: shake, motion: push.csv, direction: {}, outcome: stood}}"
     ran = vsr("run", "observations", "--site", write_site(SITE), *observed(test.format(90)))
     assert "push.csv: up 000 as x is taken as horizontal" in ran.err
+    assert "push.csv: 1 missing samples at 4 s were bridged by a straight line" in ran.err
     across = products("observations", test.format(90))
     np.testing.assert_allclose(across["draw_weight"], 1.0 / across.sizes["draw"])
     along = products("observations", test.format(0))

@@ -32,6 +32,9 @@ from vsr_core.hazard.events import Events
 ABOUT = "about.txt"
 """Text in a folder of curves that says where they come from; the page shows it."""
 
+NEARBY = 0.1
+"""Degrees within which a disaggregation counts for a site: farther off are other earthquakes."""
+
 _LONGEST_ABOUT = 100_000
 """Bytes of that text."""
 
@@ -150,8 +153,25 @@ def find(hazard: HazardConfig, origin: Origin) -> Curves:
         found, events = load(path), None
     unused = found.unused
     if disaggregated is not None:
-        unused += load_disaggregation(disaggregated).unused
+        of_earthquakes = load_disaggregation(disaggregated)
+        _check_place(disaggregated, of_earthquakes.location, found.location)
+        unused += of_earthquakes.unused
     return Curves(path, before, found, events, disaggregated, about(path), unused)
+
+
+def _check_place(
+    disaggregated: Path, location: tuple[float, float] | None, of_curves: tuple[float, float] | None
+) -> None:
+    """Refuse a disaggregation of the earthquakes of another place than the curves."""
+    if location is None or of_curves is None:
+        return
+    east, north = (one - other for one, other in zip(location, of_curves, strict=True))
+    if max(abs((east + 180.0) % 360.0 - 180.0), abs(north)) > NEARBY:
+        given = (
+            f"{location[0]:g}, {location[1]:g}, and curves of {of_curves[0]:g}, {of_curves[1]:g}"
+        )
+        rule, remedy = "both are of the rock's site", "disaggregate the hazard there"
+        raise refused(disaggregated, "lon, lat", given, rule, remedy)
 
 
 def _digests(path: Path, disaggregated: Path | None, *, of_events: bool) -> dict[str, str]:

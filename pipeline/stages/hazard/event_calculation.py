@@ -43,7 +43,7 @@ def tables(path: Path) -> EventTables:
         settings, _ = openquake.settings_of(file)
         lon, lat = (openquake.numbers(file[f"sitecol/{name}"]) for name in ("lon", "lat"))
         weights = openquake.weights_of(file)
-        names = openquake.paths_of(file, len(weights))
+        names = openquake.paths_of(file, settings, len(weights))
         times = [
             openquake.number_of(settings[name])
             for name in ("investigation_time", "ses_per_logic_tree_path")

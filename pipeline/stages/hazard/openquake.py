@@ -131,8 +131,13 @@ def _other_means(
             )
 
 
-def check_calculation(folder: Path, paths: Iterable[Path]) -> None:
-    """Refuse files of several calculations, by the numbers of their names and by first lines."""
+def check_calculation(folder: Path, paths: Iterable[Path]) -> dict[str, str]:
+    """Refuse files of several calculations, by the numbers of their names and by first lines.
+
+    Returns
+    -------
+    dict, of what these say, ``checksum``, ``lon`` and ``lat``
+    """
     said: dict[str, dict[str, str]] = {}
     for path in paths:
         check_file(path, _LARGEST)
@@ -147,6 +152,7 @@ def check_calculation(folder: Path, paths: Iterable[Path]) -> None:
             given = listed([f"{kind} of {kinds[kind]}" for kind in sorted(kinds)[:2]])
             rule, remedy = "all are of one calculation and site", "export them from the same one"
             raise refused(folder, what, given, rule, remedy)
+    return {what: next(iter(kinds)) for what, kinds in said.items()}
 
 
 def load_calculation(path: Path) -> HazardModel:
@@ -166,7 +172,7 @@ def load_calculation(path: Path) -> HazardModel:
         weights = weights_of(file)
         if len(weights) != number:
             raise ValueError(f"{len(weights)} weights of {number} realizations")
-        paths = paths_of(file, number)
+        paths = paths_of(file, settings, number)
         years = number_of(settings["investigation_time"])
         known = {name: [number_of(level) for level in levels[name]] for name in measures}
     check_sites(path, sites, lon.size, lat.size)
@@ -306,13 +312,17 @@ def settings_of(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     return settings, ast.literal_eval(settings["hazard_imtls"])
 
 
-def paths_of(file: Any, number: int) -> list[str]:
+def paths_of(file: Any, settings: dict[str, Any], number: int) -> list[str]:
     """Choices that lead to each realization, where each source model has all ground-motion models.
 
-    Otherwise the realizations have their numbers only.
+    Otherwise, as with several tectonic regions or sampled ones, the realizations have their numbers
+    only.
     """
     models = [row["path"].decode() for row in content(file["full_lt/sm_data"], _MOST_BRANCHES)]
-    motions = [row["branch"].decode() for row in content(file["full_lt/gsim_lt"], _MOST_BRANCHES)]
-    if len(models) * len(motions) != number:
+    stored = content(file["full_lt/gsim_lt"], _MOST_BRANCHES)
+    motions = [row["branch"].decode() for row in stored]
+    regions = set(stored["trt"].tolist()) if "trt" in stored.dtype.names else set()
+    sampled = number_of(settings.get("number_of_logic_tree_samples", 0)) > 0
+    if len(models) * len(motions) != number or len(regions) > 1 or sampled:
         return [f"realization {i}" for i in range(number)]
     return [f"{model}~{motion}" for model in models for motion in motions]

@@ -23,6 +23,7 @@ from pipeline.config import in_si
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.outside import SUM, Row, Share, checked, refused, rows, table, text
 from pipeline.config.sections import Refused
+from pipeline.stages.hazard.event_tables import Place
 from pipeline.stages.hazard.hazard_model import LEVELS, UNITS, HazardModel
 from pipeline.stages.hazard.openquake import check_calculation
 from pipeline.workflow.grammar import counted, listed
@@ -76,6 +77,7 @@ class Disaggregation:
     magnitudes, distances : ndarray, shape (n,) [1] and [km], middles of the bins
     levels : ndarray, shape (k,) [m/s^2], ascending
     shares : ndarray, shape (k, n), rows sum to 1
+    location : tuple of float [degree], longitude and latitude; None where no first line tells
     unused : what else is in the files, in words
     """
 
@@ -83,6 +85,7 @@ class Disaggregation:
     distances: Array
     levels: Array
     shares: Array
+    location: tuple[float, float] | None = None
     unused: tuple[str, ...] = ()
 
 
@@ -252,7 +255,8 @@ def load_disaggregation(path: Path) -> Disaggregation:
     """Read a disaggregation by magnitude and distance."""
     found: list[Bin] = []
     unused: list[str] = []
-    check_calculation(path, disaggregation_files(path))
+    told = check_calculation(path, disaggregation_files(path))
+    place = checked(path, Place, told, text=True) if {"lon", "lat"} <= told.keys() else None
     for file in disaggregation_files(path):
         of_pga, others = _bins(file)
         found += of_pga
@@ -284,7 +288,8 @@ def load_disaggregation(path: Path) -> Disaggregation:
     values = grid.to_numpy()
     levels = UNITS["PGA"] * grid.index.to_numpy(dtype=np.float64)
     shares = values / values.sum(axis=1, keepdims=True)
-    return Disaggregation(magnitudes, distances, levels, shares, tuple(unused))
+    location = None if place is None else (place.lon, place.lat)
+    return Disaggregation(magnitudes, distances, levels, shares, location, tuple(unused))
 
 
 def _other_wholes(bins: pd.DataFrame) -> Iterator[str]:

@@ -60,9 +60,10 @@ class ShakenBy(FilesInput):
         return _digests(self.tests)
 
     def read(self, log: Callable[[str], None]) -> None:
-        """Refuse motions that cannot be read, and tell what may be along another axis."""
+        """Refuse motions that cannot be read, and tell what was repaired or is in doubt."""
         for number, path, _ in self.tests:
-            for line in doubts({"x": self._record(number)}):
+            record = self._record(number)
+            for line in (*record.repairs, *doubts({"x": record})):
                 log(f"observations: {shown(path)}: {line}")
 
     def motion(self, number: int) -> GroundMotion:

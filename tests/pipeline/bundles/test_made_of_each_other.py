@@ -186,7 +186,11 @@ def boundaries(tmp_path: Path, *values: list[float]) -> list[str]:
     folders = []
     for number, pga in enumerate(values):
         places = {"yaw": [0.0], "friction": [0.6], "pgv_pga": np.arange(float(len(pga)))}
-        data = xr.Dataset({comparison.BOUNDARY: (tuple(places), [[pga]])}, places)
+        # below all that was run a middle is assumed, and there is no lower end
+        lower, assumed = np.where(pga, pga, np.nan), np.where(pga, pga, 0.01 + 0.01 * number)
+        found = {comparison.BOUNDARY: assumed, f"{comparison.BOUNDARY}_lower": lower}
+        named = {name: (tuple(places), [[values]]) for name, values in found.items()}
+        data = xr.Dataset(named, places)
         folders.append(tmp_path / str(number))
         put(folders[-1], "fragility", {"fragility.nc": data.to_netcdf}, code={"fit": str(number)})
         rewritten(manifest(folders[-1], "fragility"), key=str(number))

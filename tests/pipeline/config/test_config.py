@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.config.hazard_schema import SampledAge
 from pipeline.config.layers import BASE, SITES, known, load_site
 from pipeline.config.sections import Range
 from pipeline.config.yaml_text import parse
@@ -33,6 +34,20 @@ def test_later_layers_win(write_site: WriteSite, tmp_path: Path) -> None:
     last = load_site(site, str(study), ("contact.friction=0.43", "contact.friction=0.44")).config
     assert last.contact.friction == (0.44,)
     assert last.yaw == (5.0, 6.0)
+
+
+def test_ages_of_another_rock_are_beside_the_file_that_names_them(
+    write_site: WriteSite, tmp_path: Path
+) -> None:
+    for folder, age in ((tmp_path, 500), (tmp_path / "studies", 20_000)):
+        folder.mkdir(exist_ok=True)
+        (folder / "ages.csv").write_text(f"age_a\n{age}\n")
+    own = "{site: double_rock, age: {kind: samples, file: ages.csv}}"
+    study = tmp_path / "studies" / "study.yaml"
+    study.write_text(f"hazard: {{age: {{kind: samples, file: ages.csv}}, rocks: [{own}]}}\n")
+    hazard = load_site(write_site(""), str(study)).config.hazard
+    ages = [age.values for age in (hazard.age, hazard.rocks[0].age) if isinstance(age, SampledAge)]
+    assert ages == [(20_000.0,)] * 2
 
 
 def test_part_of_a_range_is_overridden(write_site: WriteSite) -> None:

@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
+from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.hazard import curve_folder, event_files
 from pipeline.stages.hazard.shaking_ratio import load_disaggregation
@@ -63,6 +64,44 @@ def test_a_calculation_is_read(tmp_path: Path, older: bool) -> None:
         np.testing.assert_allclose(one.pga.rates, rates, rtol=1e-4)  # probabilities in 4 bytes
         assert one.pgv is not None
         np.testing.assert_allclose(one.pgv.levels, [0.005, 0.05, 0.5])
+
+
+@pytest.mark.parametrize("sampled", [False, True])
+def test_realizations_of_several_regions_or_of_samples_have_numbers(
+    tmp_path: Path, sampled: bool
+) -> None:
+    """Two models of motion in each of two regions are four rows, and four pairs of other models."""
+    path = written(tmp_path / "calc_7.hdf5")
+    with h5py.File(path, "r+") as file:
+        if sampled:
+            settings = {"hazard_imtls": LEVELS, "investigation_time": YEARS}
+            put(file, "oqparam", json.dumps(settings | {"number_of_logic_tree_samples": 2}))
+        else:
+            kinds = [("trt", "S9"), ("branch", "S9")]
+            two = np.array([(b"active", b"A"), (b"stable", b"B")], dtype=kinds)
+            put(file, "full_lt/gsim_lt", two)
+    found = [one.path for one in curve_folder.load(path).branches]
+    assert found == ["realization 0", "realization 1"]
+
+
+@pytest.mark.parametrize(("place", "taken"), [("239.1, 35.2", True), ("10.5, 45.2", False)])
+def test_a_disaggregation_of_another_place_than_the_curves(
+    tmp_path: Path, place: str, taken: bool
+) -> None:
+    lon, lat = place.split(", ")
+    file = disaggregated(tmp_path, {"mean": MEAN}, f"{EDGES}, lon={lon}, lat={lat}")
+    path = written(tmp_path / "calc_7.hdf5")
+    given = (
+        f"hazard.curves={path}",
+        f"hazard.disaggregation={file}",
+        "hazard.age={kind: normal, mean: 5000}",
+    )
+    site = load_site("double_rock", None, given)
+    if taken:
+        assert curve_folder.find(site.config.hazard, site).disaggregated == file
+    else:
+        with pytest.raises(InputError, match=r"lon, lat: got 10.5, 45.2, and curves of -120.9"):
+            curve_folder.find(site.config.hazard, site)
 
 
 def test_what_is_no_calculation_of_one_site_is_refused(tmp_path: Path) -> None:
