@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.bundles.layout import RESULTS, about, opened, unpack
+from pipeline.config.outside import check_heaps
 from pipeline.config.problems import InputError, Problem, printable
 from pipeline.workflow import output, pages
 from pipeline.workflow.grammar import counted, listed
@@ -258,6 +259,7 @@ def _spelled(values: list[Any]) -> str:
 
 def _read(path: Path, name: str) -> xr.Dataset:
     try:
+        check_heaps(path)
         return xr.load_dataset(path)
     except (OSError, ValueError) as error:
         raise _unusable(path.name, name, error) from None

@@ -109,14 +109,23 @@ def whole(
     outer = at_border(faces)
     if not rock.any():
         raise InvalidInput("a cut that leaves no rock", "part of the scan is rock", "move the cut")
+    side = edges(faces).pairs
+    one, other = side.T // 3
+
+    def inside(rock: Mask) -> Mask:
+        """All but what hangs together with the border."""
+        piece = connected_component_labels((side // 3)[rock[one] == rock[other]], len(faces))
+        return ~np.isin(piece, piece[outer])
+
+    before, given = rock, None
+    if on_rock is not None:  # which may lie on an island, or be parted by some from the rest
+        rock = rock | inside(rock)
     if on_rock is not None and not rock[on_rock]:
         raise InvalidInput(
             "a cut that leaves pedestal.point_on_rock to the ground",
             "the point lies on the rock",
             "move the cut, or the point",
         )
-    side = edges(faces).pairs
-    before, given = rock, None
     while given is None or (rock != given).any():
         given = rock
         rock = _one_piece(faces, side, area, rock, on_rock)
@@ -126,9 +135,7 @@ def whole(
                 "the ground surrounds the rock",
                 "move the cut, or scan more of the ground",
             )
-        one, other = side.T // 3
-        piece = connected_component_labels((side // 3)[rock[one] == rock[other]], len(faces))
-        rock = ~np.isin(piece, piece[outer])
+        rock = inside(rock)
     lost, won = area[before & ~rock].sum(), area[rock & ~before].sum()
     notes = [f"{lost:.2g} m2 cut off beside the rock left to the ground"] if lost > 0.0 else []
     if won > 0.0:

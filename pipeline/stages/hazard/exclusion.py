@@ -140,7 +140,7 @@ def _beyond(faults: Faults, magnitudes: Array, distances: Array) -> Mask:
 def _map(rock: RockFragility, faults: Faults) -> xr.Dataset:
     """Chance of toppling by magnitude and distance, and how near it still stands."""
     (weak, strong), (near, far) = _spans(faults)
-    magnitudes = np.linspace(weak, strong, 1 + round((strong - weak) / _STEP))
+    magnitudes = np.linspace(weak, strong, max(1 + round((strong - weak) / _STEP), 2))
     distances = np.geomspace(near, far, 2 + int(np.log(far / near) / np.log(_FACTOR)))
     rows = [
         _summed(rock, _chances(rock, _shaking(faults, np.full(len(distances), one), distances)))

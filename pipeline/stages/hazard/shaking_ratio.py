@@ -350,9 +350,9 @@ def _shares(path: Path, names: list[str]) -> list[str]:
     for kind in ("mean", "rlz"):
         if found := [name for name in own if name.startswith(kind)]:
             return found
-    if len(own) > 1:
+    if len(own) > 1 or any(not name.startswith("poe") for name in own):
         rule = "shares are of the mean or of realizations"
-        raise refused(path, "mean", f"columns {listed(own)}", rule, remedy)
+        raise refused(path, "mean", f"{listed(own)} alone", rule, remedy)
     return own
 
 

@@ -104,7 +104,7 @@ def column(name: str, place: int = 1) -> Record:
 
 LEVEL = """
 u | v | V | GBZ_180 | acc_x | vel | acc_ver2 | acc (g) | HN1 | 90 (2) | E.1 | acc.x.g |
-XX.STA..HNE | A.090 | ax_0.250
+XX.STA..HNE | A.090 | ax_0.250 | AZ090 | DN090 | UP090 | HNZ090
 """.replace("\n", "")
 
 DOUBTFUL = """

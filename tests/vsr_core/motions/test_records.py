@@ -177,8 +177,16 @@ def test_columns_that_state_no_unit_are_in_the_one_that_is_given() -> None:
     np.testing.assert_allclose(found.channel("HNN").acceleration, expected)
     refusal(lambda: found.channel(None), "HNE", "HNN")
     refusal(lambda: read_table(text, None, None), "without a unit of acceleration")
-    other = text.replace("HNE", "HNE [milli-g]")
-    refusal(lambda: read_table(other, None, "g"), "without a unit of acceleration")
+    other = read_table(text.replace("HNE", "HNE [degC]"), None, "g")
+    assert other.channels == ("HNN",)
+    assert other.repairs == ("left out, as g is the unit of others: HNE",)
+
+
+def test_a_column_without_a_unit_beside_one_of_acceleration_is_told() -> None:
+    lines = [f"{place * STEP:.2f},{place % 7},{3 * (place % 7)}" for place in range(64)]
+    found = read_table("\n".join(["time [s],EW [m/s2],NS", *lines]), None, None)
+    assert found.channels == ("EW",)
+    assert found.repairs == ("left out, as m/s2 is the unit of others: NS",)
 
 
 def test_netcdf(tmp_path: Path) -> None:

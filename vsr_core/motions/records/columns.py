@@ -97,9 +97,9 @@ def on_times(
     time : Column [s]
     component : str or None
         Name of the one to take; without it, those in a unit of acceleration or, if there is none,
-        all where none states a unit and ``unit`` is given, or else a single one without a unit (or
-        in counts or volts, which is refused with the reason); none that is named after velocity or
-        displacement.
+        all that state no unit where ``unit`` is given, or else a single one without a unit (or in
+        counts or volts, which is refused with the reason); none that is named after velocity or
+        displacement. Other columns are told among the repairs.
 
     Raises
     ------
@@ -108,13 +108,17 @@ def on_times(
         units.
     """
     check_seconds(time.unit)
-    names, units, values = zip(*_wanted(others, component, unit), strict=True)
+    wanted = _wanted(others, component, unit)
+    names, units, values = zip(*wanted, strict=True)
     if len(set(units)) > 1:
         given = f"{', '.join(names)} in {', '.join(map(str, units))}"
         raise InvalidInput(given, "they share a unit", "name one of them as motion.component")
     name = stated(units[0], unit)
     even, interval, repairs = _evenly(time.values, side_by_side(values) * factor(name))
     start = float(time.values[0])
+    more = [one.name for one in others if one.name not in names and not _OTHER.match(one.name)]
+    if component is None and more:
+        repairs += (f"left out, as {name} is the unit of others: {', '.join(more)}",)
     return Record(even, interval, names, station, source, name, repairs, start)
 
 
@@ -147,8 +151,8 @@ def _wanted(columns: list[Column], component: str | None, unit: str | None) -> l
     if len(columns) == len(bare) == 1 and not _OTHER.match(bare[0].name):
         return columns
     accelerations = [column for column in columns if is_acceleration(column.unit or "")]
-    if unit is not None and all(one.unit is None for one in columns):
-        accelerations = [one for one in columns if not _OTHER.match(one.name)]
+    if unit is not None and not accelerations:
+        accelerations = [one for one in columns if one.unit is None and not _OTHER.match(one.name)]
     if not accelerations:
         given = f"{listed} along time without a unit of acceleration"
         rule = "one of them is the acceleration, with units such as m s-2"

@@ -11,14 +11,16 @@ from vsr_core.motions.records.record import Direction, Record
 
 _VERTICAL = re.compile(
     "(UP(WARDS?|DO(WN)?|DN)?|UD|DOWN|DWN|DN|VE?RTC?|VERTI[CK]ALE?|(ACC(EL(ERATION)?)?)?Z"
-    "|[A-Z][GHLN]Z)[0-9]*|VER|ZACC(EL(ERATION)?)?",
+    "|[A-Z][GHLN]Z)[0-9]{0,2}|VER|ZACC(EL(ERATION)?)?",
     re.IGNORECASE,
 )
-"""Words for vertical channels: of networks' files, SEED's among them, and of columns."""
+"""Words for vertical channels: of networks' files, SEED's among them, and of columns.
 
-_DOWN = re.compile("(DOWN|DWN|DN)[0-9]*", re.IGNORECASE)
+Three digits after them are an azimuth."""
 
-_ALONG_Z = re.compile("AZ[0-9]*", re.IGNORECASE)
+_DOWN = re.compile("(DOWN|DWN|DN)[0-9]{0,2}", re.IGNORECASE)
+
+_ALONG_Z = re.compile("AZ[0-9]{0,2}", re.IGNORECASE)
 """Alone vertical as well, and beside other words maybe an azimuth."""
 
 _TWO_ENDS = re.compile(

@@ -383,7 +383,8 @@ PLACE = f"{EDGES}, lon=-120.9, lat=35.2"
     [
         ({"mean": MEAN, "eps": MEAN}, EDGES, "eps: got the column; there are imt, iml"),
         ({"lon": MEAN, "lat": MEAN, "mean": MEAN}, EDGES, "lon: got the column"),
-        ({"quantile-0.5": MEAN, "std": MEAN}, EDGES, "got columns quantile-0.5 and std"),
+        ({"quantile-0.5": MEAN, "std": MEAN}, EDGES, "got quantile-0.5 and std alone"),
+        ({"std": MEAN}, EDGES, "got std alone; shares are of the mean or of realizations"),
         ({"mean": MEAN}, EDGES.replace("8.0", "6.5"), "mag: got a bin at 7; by its first line"),
         ({"mean": MEAN}, EDGES.replace("40", "25"), "dist: got a bin at 30; by its first line"),
         ({"mean": MEAN}, EDGES.replace("20.0", "24.0"), "dist: got a bin at 30; by its first line"),

@@ -39,7 +39,7 @@ from vsr_core.scan import cleaning
 from vsr_core.scan.cuts import Colour, Plane
 from vsr_core.scan.preparation import Prepared, prepare_scan
 from vsr_core.scan.proposal import Alternative, alternatives
-from vsr_core.scan.separation import Separation, by_cut, settled
+from vsr_core.scan.separation import Separation, by_cut, nearest, settled, whole
 from vsr_core.scan.weighing import DIRECTIONS, measured
 from vsr_core.terrain.surface import Terrain
 
@@ -457,6 +457,28 @@ def test_a_point_beside_a_cut_chooses_the_piece_that_holds_it() -> None:
         assert (abs(corners[:, :2] - middle) < 1.2).all(), point
     with pytest.raises(InvalidInput, match=r"leaves pedestal\.point_on_rock to the"):
         by_cut(mesh, cut, np.array([3.0, 3.0, 0.0]))
+
+
+@pytest.mark.parametrize("place", [0.0, 1.2])
+def test_a_point_beside_a_cut_may_lie_on_lichen(place: float) -> None:
+    """A ring of the ground's colour on a rock parts nothing, and is rock itself."""
+    x, y = (part.ravel() for part in np.meshgrid(np.arange(41) / 4, np.arange(41) / 4))
+    corner = np.arange(41 * 41).reshape(41, 41)
+    a, b, c, d = (
+        part.ravel()
+        for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1])
+    )
+    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    vertices = np.column_stack([x, y, np.zeros(len(x))])
+    middle = vertices[faces].mean(axis=1)
+    off = np.hypot(*(middle[:, :2] - 5.0).T)
+    rock = (off < 3.0) & ~((off > 0.8) & (off < 1.6))
+    on_rock = nearest(middle, np.array([5.0 + place, 5.0, 0.0]))
+    alone, told = whole(vertices, faces, rock)
+    found, words = whole(vertices, faces, rock, on_rock)
+    np.testing.assert_array_equal(found, alone)
+    assert words == told
+    assert found[off < 2.7].all()
 
 
 def test_point_beside_a_cut_is_in_the_scans_own_coordinates(
