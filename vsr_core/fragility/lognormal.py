@@ -15,9 +15,6 @@ MAX_BETA = 2.0
 """Largest beta: P then rises from 2.5 % to 97.5 % over a factor 2500 in PGA. A row that exceeds it
 does not order its outcomes by PGA."""
 
-_PURE = 1e-9
-"""Share of a cell, of rounding."""
-
 STATUS = ("probit", "interval", "above", "below", "flat", "undecided")
 """How a row was decided, see `LognormalFragility`."""
 
@@ -31,12 +28,11 @@ class LognormalFragility(FragilityModel):
     the last balanced to the first overturned PGA, so theta is their geometric mean and beta the
     standard deviation of that uniform, width / sqrt(12). A row that never topples (or always
     does) gets the interval of one further step beyond its last (first) PGA. With thresholds, rows
-    that change more than once are those that overlap, unless all of that is within one cell, which
-    no slope can be told from: ln theta is then uniform from their first change to their last, or
-    over the first one where others lie beyond the cells. A row that is undecided or left out gets
-    ln theta and ln beta linear in ln PGV/PGA between its
-    neighbours, constant beyond the outermost. Coefficients are ln theta and ln beta, shape
-    (batch, n_ratio, 2).
+    that change more than once are those that overlap, unless their changes within the cells are no
+    farther apart than a cell is wide, which no slope can be told from: ln theta is then uniform
+    from the first to the last of these. A row that is undecided or left out gets ln theta and ln
+    beta linear in ln PGV/PGA between its neighbours, constant beyond the outermost. Coefficients
+    are ln theta and ln beta, shape (batch, n_ratio, 2).
 
     Attributes
     ----------
@@ -145,18 +141,9 @@ class LognormalFragility(FragilityModel):
         if np.isinf(high):
             return "above", low, low + further
         if not thresholds.single[row]:
-            if self._in_one_cell(row) and np.isfinite(low):
-                last = thresholds.last[row]  # beyond the cells if it is farther than one is wide
-                return "interval", low, last if last - low <= STEP else high
-            return "probit", np.nan, np.nan
+            last = thresholds.last[row]
+            return ("interval", low, last) if last - low <= STEP else ("probit", np.nan, np.nan)
         return ("below", high - further, high) if np.isnan(low) else ("interval", low, high)
-
-    def _in_one_cell(self, row: int) -> bool:
-        """Whether outcomes overlap in one cell only."""
-        known = self.cells.trials[row] > 0
-        share = self.cells.toppled[row][known] / self.cells.trials[row][known]
-        mixed = (share > _PURE) & (share < 1.0 - _PURE)
-        return bool(mixed.sum() <= 1 and (np.diff(share) > -_PURE).all())
 
     def _probit(self, rows: Indices) -> tuple[Array, Array, Array, Mask]:
         """Maximum likelihood of the given rows: ln theta, ln beta, s.e. of ln theta, flat."""

@@ -26,7 +26,8 @@ class Thresholds:
     ----------
     lower, upper : ndarray, shape (n_ratio,) [ln g]
         NaN and infinite as ``vsr_core.fragility.boundary.Boundary`` has them.
-    last : ndarray, shape (n_ratio,) [ln g], above which no outcome changes; NaN where none does
+    last : ndarray, shape (n_ratio,) [ln g]
+        Above which no outcome changes in the cells; NaN where none does.
     single : ndarray of bool, shape (n_ratio,), rows that change once, or never
     """
 
@@ -40,7 +41,9 @@ def thresholds(known: Known, rows: int) -> Thresholds:
     """First overturning of rows, which are the levels of the runs."""
     lower, upper = first_changes(known, rows)
     every, last = changes(known), np.full(rows, np.nan)
-    last[every.level] = np.log(every.upper)  # ascending: the highest of a level remains
+    inside = every.upper <= REACH * np.max(upper, where=np.isfinite(upper), initial=0.0)
+    # ascending: the highest of a level remains
+    last[every.level[inside]] = np.log(every.upper[inside])
     number = np.bincount(every.level, minlength=rows)
     return Thresholds(np.log(lower), np.log(upper), last, number <= 1)
 
