@@ -157,6 +157,14 @@ def identity(scenes: Scenes) -> dict[str, Any]:
     }
 
 
+def alone_at(scenes: Scenes, place: int) -> Scenes:
+    """Those of one friction, by its place among all."""
+    one, contact = slice(place, place + 1), scenes.settings.contact
+    contact = contact.model_copy(update={"friction": contact.friction[one]})
+    ground = scenes.ground and replace(scenes.ground, starts=scenes.ground.starts[one])
+    return replace(scenes, settings=scenes.settings._replace(contact=contact), ground=ground)
+
+
 def _ground_identity(ground: Ground) -> str:
     starts = (array for start in ground.starts for array in (start.position, start.rotation))
     terrain = ground.terrain

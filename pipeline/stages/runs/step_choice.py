@@ -34,6 +34,7 @@ from pipeline.stages.runs.quantity_errors import (
 from pipeline.stages.runs.scenes import (
     Group,
     Scenes,
+    alone_at,
     flat_case,
     identity,
     refuse_engine,
@@ -118,7 +119,7 @@ def _given(work: Work, scenes: Scenes, time_step: float) -> Product:
     chosen["time_step"] = ("friction", np.full(len(frictions), time_step))
     with closing(RunStore(work.runs, StepRow)) as database:
         look = partial(measured, work, database)
-        errors = [settled(_alone(scenes, at), time_step, look) for at in range(len(frictions))]
+        errors = [settled(alone_at(scenes, at), time_step, look) for at in range(len(frictions))]
     dataset = xr.Dataset(chosen | variables(errors), {"friction": list(frictions)})
     note = f"time step {1e3 * time_step:.4g} ms as given; its error was not measured"
     files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
@@ -133,7 +134,7 @@ def _settled(
     for at in range(dataset.sizes["friction"]):
         own = dataset.isel(friction=at)
         choice = _choice(own, tolerance)
-        found = settled(_alone(scenes, at), choice.time_step, look)
+        found = settled(alone_at(scenes, at), choice.time_step, look)
         if found.time_step < choice.time_step:
             finest = float(own["step_share"][-1]) * own.attrs["step_unit_s"]
             choice = _choice(own, tolerance, max(found.time_step, finest))
@@ -157,7 +158,7 @@ def stored_steps(scenes: Scenes, database: Path) -> TimeSteps:
     with closing(RunStore(database, StepRow, reads=True)) as rows:
         steps = []
         for at in range(len(frictions)):
-            alone = _alone(_tried(scenes), at)
+            alone = alone_at(_tried(scenes), at)
             try:
                 found = _lots(alone, partial(_known, alone, rows))
                 (choice,), _ = _settled(alone, _dataset(alone, found), partial(known, rows))
@@ -288,14 +289,6 @@ def _tried(scenes: Scenes) -> Scenes:
     return scenes if scenes.settings.engine == COMPILED else replace(scenes, ground=None)
 
 
-def _alone(scenes: Scenes, at: int) -> Scenes:
-    """Those of one friction."""
-    contact = scenes.settings.contact
-    contact = contact.model_copy(update={"friction": contact.friction[at : at + 1]})
-    ground = scenes.ground and replace(scenes.ground, starts=scenes.ground.starts[at : at + 1])
-    return replace(scenes, settings=scenes.settings._replace(contact=contact), ground=ground)
-
-
 def _case(scenes: Scenes, group: Group) -> Case | TerrainCase:
     """The rock on what it stands on."""
     return flat_case(scenes, group) if scenes.ground is None else terrain_case(scenes, group)
@@ -305,7 +298,7 @@ def _keys(scenes: Scenes, wanted: list[Wanted]) -> dict[Wanted, bytes]:
     """What tells each row from all others."""
     root = "measure" if scenes.ground is None else "measure_on_seat"
     code = keys.digest(tracing.reached([f"vsr_core.run.time_step:{root}"]))
-    alone = {at: identity(_alone(scenes, at)) for at in {one.friction for one in wanted}}
+    alone = {at: identity(alone_at(scenes, at)) for at in {one.friction for one in wanted}}
     shares = list(_shares(scenes))
     return {
         one: bytes.fromhex(

@@ -20,6 +20,7 @@ from pipeline.stages.runs.runner import Kind, Run, Wanted, run_missing
 from pipeline.stages.runs.scenes import (
     Group,
     Scenes,
+    alone_at,
     flat_case,
     groups,
     identity,
@@ -129,9 +130,10 @@ class Study:
         return Cells.of(self.motions)
 
     @cached_property
-    def identity(self) -> dict[str, Any]:
-        """What all runs share, but for group and time step."""
-        return shared_identity(self.scenes, self.motions)
+    def _identities(self) -> tuple[dict[str, Any], ...]:
+        """What the runs of each friction share, but for group and time step."""
+        alone = (alone_at(self.scenes, at) for at in range(len(self.settings.contact.friction)))
+        return tuple(shared_identity(one, self.motions) for one in alone)
 
     def wanted(self, group: Group) -> GridRuns:
         """The runs of a group, one for each cell of the grid."""
@@ -153,7 +155,8 @@ class Study:
 
     def scene(self, group: Group) -> bytes:
         """Digest of what the runs of a group share."""
-        return scene_digest(self.identity, group, self.time_step(group))
+        shared = self._identities[self.settings.contact.friction.index(group.friction)]
+        return scene_digest(shared, group, self.time_step(group))
 
     def time_step(self, group: Group) -> float:
         """Time step of the runs of a group [s]; nan where it has to be measured first."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,8 +13,12 @@ from support import grounds
 
 from pipeline.config.layers import load_site
 from pipeline.stages.mesh.products import Ground, Standing
+from pipeline.stages.motions.motion_grid import MotionData
 from pipeline.stages.runs import scenes
 from pipeline.stages.runs.scenes import Scenes
+from pipeline.stages.runs.step_choice import TimeSteps
+from pipeline.stages.runs.study import Study
+from pipeline.workflow.engine_input import Engine
 from vsr_core.judge.proofs import barrier
 from vsr_core.rock import solid
 from vsr_core.scene import State
@@ -56,6 +62,20 @@ def test_runs_on_other_ground_are_other_runs(change: str) -> None:
     again = Ground(replace(SEAT), (standing(0.3), standing(0.3)))
     assert told(again) == told(known)
     assert told(CHANGES[change](known)) != told(known)
+
+
+def test_a_friction_more_leaves_the_runs_of_another_as_they_are(tmp_path: Path) -> None:
+    """Of rests on the ground only that at a run's own friction is told."""
+    found = []
+    for friction, rests in (("[0.4, 0.6]", (0.301, 0.3)), ("[0.6]", (0.3,)), ("[0.6]", (0.302,))):
+        settings = (f"contact.friction={friction}", "simulation.time_step=0.002")
+        config = load_site("double_rock_terrain", None, settings).config
+        ground = Ground(SEAT, tuple(map(standing, rests)))
+        steps, nothing = TimeSteps((0.002,) * len(rests)), MotionData(tmp_path)
+        own = Scenes(config.scene, Standing(ROCK, barrier(ROCK)), ground)
+        study = Study(own, cast(Engine, None), config.yaw, config.motion, nothing, steps)
+        found.append(study.scene(study.groups[-1]))
+    assert found[0] == found[1] != found[2]
 
 
 def test_a_rock_of_pieces_is_another_one_where_they_touch() -> None:

@@ -19,7 +19,7 @@ from pipeline.config.layers import load_site
 from pipeline.config.schema import Config
 from pipeline.stages.mesh.products import Ground, Standing
 from pipeline.stages.runs import step_choice
-from pipeline.stages.runs.scenes import Scenes
+from pipeline.stages.runs.scenes import Scenes, alone_at
 from pipeline.workflow.datasets import read
 from pipeline.workflow.run_store import RUNS
 from pipeline.workflow.store import Store
@@ -87,7 +87,7 @@ def test_a_friction_more_keeps_what_was_measured_on_a_seat() -> None:
     )
     (place, *_), *_ = time_step.lots(rock)
     keys = step_choice._keys(both, [step_choice.Wanted(at, place) for at in (0, 1)])
-    alone = step_choice._alone(both, 1)
+    alone = alone_at(both, 1)
     own = step_choice._keys(alone, [step_choice.Wanted(0, place)])
     assert list(own.values()) == [keys[step_choice.Wanted(1, place)]]
     flat = step_choice._keys(replace(alone, ground=None), [step_choice.Wanted(0, place)])
