@@ -360,7 +360,8 @@ def _in_threads(
 ) -> Iterator[Done]:
     """Do batches in threads, a few at a time, and hand their results over in order."""
     things: dict[Hashable, Any] = {}
-    with ThreadPoolExecutor(workers) as pool:
+    with ThreadPoolExecutor(workers) as pool, ExitStack() as left:
+        left.callback(pool.shutdown, wait=False, cancel_futures=True)
         flying: deque[tuple[Batch, Future[Any]]] = deque()
         for batch in batches:
             if batch.shared not in things:

@@ -95,7 +95,6 @@ def test_threads_of_a_worker_change_no_bit(
 ) -> None:
     if engine == "mujoco":
         pytest.importorskip("mujoco")
-    monkeypatch.setattr(runner, "QUICK_BATCH", 10)
     command = ("run", "responses", "--site", write_site(GRID % engine))
     ran = vsr(*command, "--scheduler", threads.address, into=tmp_path / "threads")
     assert ran.code == 0, ran.err
@@ -107,6 +106,21 @@ def test_threads_of_a_worker_change_no_bit(
     assert {row[1] for row in rows(other).values()} >= {Outcome.BALANCED, Outcome.OVERTURNED}
     assert rows(one) == rows(other)
     assert (one / "responses.nc").read_bytes() == (other / "responses.nc").read_bytes()
+
+
+def test_of_threads_that_are_stopped_only_what_has_begun_is_done() -> None:
+    begun: list[int] = []
+
+    def work(shared: Any, items: tuple[int, ...]) -> list[int]:
+        begun.extend(items)
+        time.sleep(0.02)
+        return list(items)
+
+    batches = (Batch(0, (number,)) for number in range(1000))
+    results = Cluster(1).in_threads().run(work, batches, lambda shared: None)
+    next(results)
+    results.close()
+    assert len(begun) <= 3
 
 
 @pytest.mark.parametrize("together", [False, True])

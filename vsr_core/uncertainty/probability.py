@@ -11,16 +11,13 @@ from scipy.special import betaincinv, log_ndtr
 from vsr_core.arrays import Array, Indices
 from vsr_core.fragility.bisection import OUTWARD
 from vsr_core.fragility.lognormal import MAX_BETA
+from vsr_core.fragility.model import Evaluate, maximise
 
 LEVEL = 0.95
 """Of the sampling interval of a probability."""
 
 BAND = (0.05, 0.5, 0.95)
 """Shares of the draws below the lower end, the middle and the upper end of the boundary's band."""
-
-
-STEPS = 300
-"""Of a fit in which draws are censored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +95,8 @@ def lognormal(
     """Lognormal distribution of the first-overturning PGA over draws, by maximum likelihood.
 
     A draw that does not topple up to the upper bound is censored there; the likelihood is that of
-    Tobin, climbed by expectation and maximisation. Where no draw topples, the median is taken to
-    lie in one further step. A row without verdict lies between its neighbours in PGV/PGA.
+    Tobin, which is concave as Olsen writes it. Where no draw topples, the median is taken to lie in
+    one further step. A row without verdict lies between its neighbours in PGV/PGA.
 
     Parameters
     ----------
@@ -116,7 +113,8 @@ def lognormal(
 
     References
     ----------
-    Tobin (1958), Econometrica 26(1), 24-36; Baker (2015), Earthquake Spectra 31(1), eq. 10.
+    Tobin (1958), Econometrica 26(1), 24-36; Olsen (1978), Econometrica 46(5), 1211-1215; Baker
+    (2015), Earthquake Spectra 31(1), eq. 10.
 
     Examples
     --------
@@ -126,17 +124,10 @@ def lognormal(
     """
     known, last = ~np.isnan(boundaries), np.log(bounds[1])
     number, stands = known.sum(axis=0), np.isinf(boundaries)
-    x = np.log(np.where(known & ~stands, boundaries, bounds[1]))
+    below = np.log(np.where(known & ~stands, boundaries, bounds[1])) - last
     least = np.log1p(width) / np.sqrt(12.0)
-    mean, beta = _moments(np.where(known, x, 0.0), np.where(known, x, 0.0) ** 2, number, least)
-    for _ in range(STEPS if stands.any() else 0):
-        z = (last - mean) / beta
-        rate = np.exp(-0.5 * z**2 - log_ndtr(-z)) / np.sqrt(2.0 * np.pi)
-        one = np.where(stands, mean + beta * rate, x)
-        square = np.where(stands, mean**2 + beta**2 + beta * (last + mean) * rate, x**2)
-        mean, beta = _moments(
-            np.where(known, one, 0.0), np.where(known, square, 0.0), number, least
-        )
+    mean, beta = _censored(below, (known & ~stands).sum(axis=0), stands.sum(axis=0), least)
+    mean += last
     none = (stands.sum(axis=0) == number) & (number > 0)
     mean = np.where(none, last + 0.5 * np.log(OUTWARD), mean)
     beta = np.where(none, np.log(OUTWARD) / np.sqrt(12.0), beta)
@@ -151,9 +142,51 @@ def lognormal(
     return np.exp(mean), beta
 
 
-def _moments(one: Array, square: Array, number: Indices, least: float) -> tuple[Array, Array]:
-    """Mean and standard deviation over draws, of the sums of what is expected of them."""
-    count = np.maximum(number, 1)
-    mean = one.sum(axis=0) / count
-    spread = np.sqrt(np.maximum(square.sum(axis=0) / count - mean**2, 0.0))
-    return mean, np.clip(spread, least, MAX_BETA)
+def _censored(x: Array, toppled: Indices, stand: Indices, least: float) -> tuple[Array, Array]:
+    """Mean and deviation of normal values of which those above 0 are censored; `least` at least.
+
+    Parameters
+    ----------
+    x : ndarray, shape (draws, ...), 0 where a draw is censored or not there
+    toppled, stand : ndarray, shape (...), numbers of values and of censored ones
+    """
+    count = np.maximum(toppled + stand, 1)
+    mean, square = x.sum(axis=0) / count, (x**2).sum(axis=0) / count
+    unit = np.clip(np.sqrt(np.maximum(square - mean**2, 0.0)), least, MAX_BETA)
+    fits = (toppled > 0) & (stand > 0)
+    beta = unit.copy()
+    if fits.any():
+        k, c, scale = (part[fits].astype(np.float64) for part in (toppled, stand, unit))
+        one, two = (part[fits] / scale**n for n, part in ((1, mean * count), (2, square * count)))
+        start = np.column_stack([np.ones(k.size), mean[fits] / scale])
+        free, _ = maximise(_likelihood(k, c, one, two, np.ones(2)), start)
+        inverse = np.clip(free[:, 0], scale / MAX_BETA, scale / least)
+        held = np.column_stack([inverse, free[:, 1]])
+        held, _ = maximise(_likelihood(k, c, one, two, np.array([0.0, 1.0])), held)
+        beta[fits] = scale / inverse
+        mean[fits] = beta[fits] * held[:, 1]
+    return mean, beta
+
+
+def _likelihood(k: Array, c: Array, one: Array, two: Array, moved: Array) -> Evaluate:
+    """Of k values with sums of their first and second powers, and of c above 0 (Olsen 1978).
+
+    By the inverse of the deviation and the mean over the deviation; those with 1 are moved.
+    """
+
+    def evaluate(beta: Array, which: Indices) -> tuple[Array, Array]:
+        inverse, mean = beta.T
+        n, m, first, second = (part[which] for part in (k, c, one, two))
+        log_share = log_ndtr(mean)
+        rate = np.exp(-0.5 * mean**2 - log_share) / np.sqrt(2.0 * np.pi)
+        with np.errstate(invalid="ignore", divide="ignore"):  # a step too far is halved
+            value = n * np.log(inverse) + m * log_share
+        value -= 0.5 * (inverse**2 * second - 2.0 * inverse * mean * first + n * mean**2)
+        slope = np.column_stack(
+            [n / inverse - inverse * second + mean * first, inverse * first - n * mean + m * rate]
+        )
+        bend = np.array([[n / inverse**2 + second, -first], [-first, n + m * rate * (mean + rate)]])
+        bend = np.moveaxis(bend, 2, 0) * np.outer(moved, moved) + np.diag(1.0 - moved)
+        return value, np.asarray(np.linalg.solve(bend, (slope * moved)[..., None])[..., 0])
+
+    return evaluate

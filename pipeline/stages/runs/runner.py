@@ -29,9 +29,9 @@ from vsr_core.outcome import Outcome
 SMALL = 200
 """Below this many runs no worker process is started."""
 
-QUICK, QUICK_BATCH = 200_000, 250
-"""Runs of a compiled engine, up to this many, are done in threads, this many at once: they take
-less time than worker processes take to start."""
+QUICK = 200_000
+"""Runs of a compiled engine, up to this many, are done in threads: they mostly take less time than
+worker processes take to start."""
 
 G = TypeVar("G", bound=Hashable)
 Item = TypeVar("Item")
@@ -51,7 +51,7 @@ AT_ONCE = 65_536
 """Runs whose keys are held at once, whatever their number: some 20 MB."""
 
 BATCH_SECONDS, LARGEST_BATCH = 0.3, 1000
-"""CPU time [s] for which batches of quick runs are sized, and the runs that one has at most."""
+"""CPU time [s] for which batches are sized, and the runs that one has at most."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Kind(Generic[Row]):
     ----------
     function : run on a worker, from what the runs of a group share and the items of some of them,
         to the values of a row after its key, for each
-    batch : int, runs handed to a worker at once, 0.2-0.5 s of work; more if they prove quicker
+    batch : int, runs handed to a worker at once until it is known how long they take
     cells : int, runs that one item stands for
     outcomes : from the fields of a row but its key to the outcomes of its runs
     """
@@ -108,16 +108,15 @@ def run_missing(
         todo = [missing(wanted(group), runs) for group in groups]
         total = sum(map(sum, todo)) * kind.cells
         compiled = work.engine == COMPILED
-        quick = compiled and total <= QUICK
-        shares = quick if work.cluster.local else compiled
+        shares = compiled and (total <= QUICK or not work.cluster.local)
         cluster = work.cluster.in_threads() if shares else work.cluster
         cluster = work.cluster.in_process() if total < SMALL else cluster
-        least, planned = QUICK_BATCH if quick else kind.batch, 0
+        planned = 0
 
         def size() -> int:
             each = cpu / max(progress.outcomes.total(), 1)
-            quickly = int(BATCH_SECONDS / each) if each else least
-            return max(max(least, min(quickly, LARGEST_BATCH)) // kind.cells, 1)
+            number = min(int(BATCH_SECONDS / each), LARGEST_BATCH) if each else kind.batch
+            return max(number // kind.cells, 1)
 
         def batches() -> Iterator[Batch]:
             nonlocal planned

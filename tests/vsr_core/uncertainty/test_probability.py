@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import beta, norm
+from scipy.optimize import minimize_scalar
+from scipy.stats import CensoredData, beta, norm
 
+from vsr_core.fragility.lognormal import MAX_BETA
 from vsr_core.uncertainty import probability
 
 
@@ -47,6 +49,38 @@ def test_the_law_that_made_the_draws_is_found_also_where_it_is_cut_off() -> None
     assert np.isinf(edges[..., 2]).mean() > 0.6
     np.testing.assert_allclose(theta[0], median, rtol=0.01)
     np.testing.assert_allclose(beta[0], 0.25, rtol=0.03)
+
+
+@pytest.mark.parametrize(("draws", "fell"), [(64, 1), (64, 2), (64, 40), (256, 5), (64, 64)])
+def test_no_other_law_makes_the_draws_likelier(draws: int, fell: int) -> None:
+    """Also where few topple, as SciPy finds it by a simplex."""
+    below = np.log(4.0) - np.random.default_rng(fell).exponential(0.3, fell)
+    edges = np.full((draws, 1, 1), np.inf)
+    edges[:fell, 0, 0] = np.exp(below)
+    found = probability.lognormal(edges, np.ones(1), 0.01, (0.001, 4.0))
+    data = CensoredData(below, right=np.full(draws - fell, np.log(4.0)))
+    mean, deviation = norm.fit(data)
+    np.testing.assert_allclose(found[0], np.exp(mean), rtol=2e-3)
+    np.testing.assert_allclose(found[1], deviation, rtol=2e-3)
+
+
+def test_a_deviation_is_held_between_its_ends() -> None:
+    """All that topple do so at one PGA; or from a thousandth of it to where some stand."""
+    for fell, most in ((np.full(31, 1.0), None), (np.geomspace(1e-3, 4.0, 8), MAX_BETA)):
+        edges = np.append(fell, np.full(24, np.inf))[:, None, None]
+        theta, found = probability.lognormal(edges, np.ones(1), 0.01, (0.001, 4.0))
+        other = minimize_scalar(
+            lambda mean, fell=fell, beta=float(found[0, 0]): (
+                -(
+                    norm.logpdf(np.log(fell), mean, beta).sum()
+                    + 24 * norm.logsf(np.log(4), mean, beta)
+                )
+            ),
+            bounds=(-2.0, 8.0),
+            method="bounded",
+        )
+        np.testing.assert_allclose(np.log(theta[0, 0]), other.x, atol=1e-4)
+        assert most is None or found[0, 0] == pytest.approx(most)
 
 
 def test_rows_of_which_nothing_or_nothing_else_is_known() -> None:
