@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Mask
 from vsr_core.engines import load
 from vsr_core.rock.body import Rock
 from vsr_core.run.displacement import settled
@@ -50,10 +50,21 @@ def whole_ground(data: xr.Dataset) -> Terrain:
 def bed(data: xr.Dataset, rock: Rock, *, reduce: bool) -> Bed:
     """The ground of a scan, or of a file of its own, light enough to run on."""
     whole = whole_ground(data)
-    light = coarser(whole, partial(_tolerance, rock)) if reduce else whole
-    if "terrain_unseen" not in data:
+    scanned_together = "terrain_unseen" in data
+    light = whole
+    if reduce:
+        kept = None if scanned_together else _below(whole, rock)
+        light = coarser(whole, partial(_tolerance, rock), kept)
+    if not scanned_together:
         return Bed(light, ())
     return Bed(light, seat.seams(whole, data["terrain_unseen"].values.astype(bool)))
+
+
+def _below(ground: Terrain, rock: Rock) -> Mask:
+    """The triangles that may bear the rock: all that its plan may meet."""
+    plan = ground.vertices[ground.faces][:, :, :2]
+    nearest = np.clip(0.0, plan.min(axis=1), plan.max(axis=1))
+    return np.asarray(np.hypot(*nearest.T) <= np.hypot(*rock.vertices.T[:2]).max())
 
 
 def _tolerance(rock: Rock, points: Array) -> Array:

@@ -8,15 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+import xarray as xr
 from conftest import Ran
 from scipy.spatial.transform import Rotation
 from support.small_scan import FAR as SURVEYED
 from support.small_scan import write_ply
 
 from pipeline import ROOT
-from pipeline.stages.mesh import scan_figures
+from pipeline.stages.mesh import scan_figures, seating
 from pipeline.stages.mesh.products import SCAN_PAGE
 from pipeline.workflow.datasets import read
+from vsr_core.rock import solid
 from vsr_core.scan.weighing import Seen
 
 Array = np.ndarray
@@ -113,6 +115,27 @@ def test_a_rock_stands_where_its_pose_says(
     page = (derived / "two" / SCAN_PAGE).read_text()
     assert 'id="ground"' in page
     assert f"{1e3 * abs(gap):.1f} mm" in page
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.3])
+def test_the_ground_that_may_bear_a_rock_stays_as_it_was_scanned(slope: float) -> None:
+    """A plane with waves around it, which have fewer triangles and no gaps."""
+    rock = solid.box(SIZE, 2000.0).rock
+    sheet = ground(slope, cells=40)
+    x, y, _ = sheet.vertices.T
+    sheet.vertices[:, 2] += 0.1 * np.sin(2.0 * x) * np.sin(3.0 * y) * (np.hypot(x, y) > 0.6)
+    corners, faces = (("v", "xyz"), sheet.vertices), (("f", "abc"), sheet.faces)
+    scanned = xr.Dataset({"terrain_vertex": corners, "terrain_face": faces})
+    light = seating.bed(scanned, rock, reduce=True).ground
+    assert len(light.faces) < 0.7 * len(sheet.faces)
+    for x, y in np.random.default_rng(1).uniform(-0.25, 0.25, (200, 2)):
+        np.testing.assert_allclose(light.surfaces(x, y)[0], [np.tan(slope) * x], atol=1e-12)
+    made = trimesh.Trimesh(light.vertices, light.faces, process=False)
+    assert (made.face_normals[:, 2] > 0.0).all()
+    edges, times = np.unique(made.edges_sorted, axis=0, return_counts=True)
+    assert times.max() == 2
+    at_border = np.abs(made.vertices[edges[times == 1]][:, :, :2])
+    np.testing.assert_allclose(at_border.max(axis=(1, 2)), 3.0)
 
 
 def test_a_rock_that_falls_lies_on_the_slope(tmp_path: Path, vsr: Vsr, derived: Path) -> None:
