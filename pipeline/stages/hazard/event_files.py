@@ -172,7 +172,7 @@ def _check_years(path: Path, found: dict[str, Any], at: Indices, years: float) -
 
 
 def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | None]:
-    """Place among the events, PGA [g] and PGV [cm/s] of each event that is felt."""
+    """Place among the events, PGA [g] and PGV [cm/s] of each event that is felt, in their order."""
     path, places, pga, pgv = told.paths["gmf-data"], [], [], []
     place = told.place.custom_site_id if told.place else None
     sites = {"custom_site_id": place} if place else {}
@@ -196,6 +196,10 @@ def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | No
         raise refused(path, "event_id", f"{ids[np.argmax(seen)]} twice", rule, remedy)
     if velocities is not None:
         _check_pgv(path, accelerations, velocities)
+    if (np.diff(at) < 0).any():  # what is drawn for an event is not to depend on its row
+        order = np.argsort(at)
+        at, accelerations = at[order], accelerations[order]
+        velocities = velocities[order] if velocities is not None else None
     return at, accelerations, velocities
 
 
