@@ -477,6 +477,7 @@ def test_what_is_changed_stands_in_the_table_of_changes(
         assert f"{case} | {cells}" in page
 
 
+@pytest.mark.slow
 def test_an_ensemble_gives_the_mean_and_its_members_the_range(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -551,6 +552,7 @@ def test_another_age_or_other_curves_run_nothing(
     assert "runs done" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_rock_of_an_archive_stands_beside_that_of_the_site(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -937,6 +939,7 @@ def test_the_support_is_that_of_all_rocks_and_unresolved_runs_of_any_count(
     assert "3 runs are unresolved" in ran.err
 
 
+@pytest.mark.slow
 def test_either_support_weighs_and_the_other_is_a_case(
     vsr: Callable[..., Ran],
     write_site: Callable[..., str],

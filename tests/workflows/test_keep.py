@@ -59,6 +59,7 @@ def table(folder: Path, name: str) -> list[Any]:
         return database.execute(f"SELECT * FROM {name} ORDER BY key").fetchall()
 
 
+@pytest.mark.slow
 def test_products_are_those_of_all_runs(vsr: Vsr, site: str, tmp_path: Path) -> None:
     everything = made(vsr, site, tmp_path / "all", "--workers", "0", product="fragility")
     few = made(vsr, site, tmp_path / "few", "--workers", "0", *KEEP, product="fragility")

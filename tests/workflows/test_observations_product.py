@@ -252,6 +252,7 @@ def test_what_is_far_from_every_draw_is_refused_after_the_first_of_them(
     assert "in the 32 draws of the rock" in ran.err
 
 
+@pytest.mark.slow
 def test_an_ensemble_of_few_rocks_says_that_its_intervals_are_too_narrow(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],

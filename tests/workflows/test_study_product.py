@@ -129,6 +129,7 @@ def _check_page(study: Study, headline: str) -> None:
     assert "is that of the runs alone" in page  # as steps that are given have no error
 
 
+@pytest.mark.slow
 def test_nothing_is_run_or_made_twice(study: Study) -> None:
     line = ("--site", study.site, "--workers", "0")
     assert study.vsr("run", "responses", *line).code == 0

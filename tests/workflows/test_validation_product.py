@@ -229,6 +229,7 @@ def validated(folder: Path, derived: Path) -> xr.Dataset:
         return data.load()
 
 
+@pytest.mark.slow
 def test_pulses_by_their_numbers_shake_each_series_in_its_direction(tmp_path: Path) -> None:
     """The narrow side of one block lies along x, that of the other along y."""
     data = validated(write_commanded(tmp_path / "commanded"), tmp_path / "derived")
@@ -264,6 +265,7 @@ def test_records_may_have_components(
         np.testing.assert_array_equal(data["probability"].sel(specimen=number), share(number))
 
 
+@pytest.mark.slow
 def test_a_table_with_a_slow_motor_is_weaker(tmp_path: Path) -> None:
     """Steps that take a hundred times as long as asked for hardly move a block."""
     more = "stepper: {rate: 200, step: 4e-5, overhead: 0.01}\n"

@@ -179,7 +179,8 @@ def test_crashed_run_is_told_and_tried_again(
         return simulate_batch(shared, cells)
 
     with monkeypatch.context() as patch:
-        patch.setattr(overturning_runs, "KIND", replace(overturning_runs.KIND, function=deadly))
+        few = replace(overturning_runs.KIND, function=deadly, batch=2)
+        patch.setattr(overturning_runs, "KIND", few)
         ran = vsr(*command)
     assert ran.code == 1
     assert "1 run is unresolved" in ran.err

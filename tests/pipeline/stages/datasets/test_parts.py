@@ -35,6 +35,7 @@ simulation: {time_step: 0.002}
 """
 
 
+@pytest.mark.slow
 def test_parts_of_any_size_give_the_same_products(
     write_site: Callable[..., str],
     vsr: Callable[..., Any],

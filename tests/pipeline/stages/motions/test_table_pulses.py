@@ -82,6 +82,7 @@ def site(write_site: Callable[..., str]) -> str:
     return write_site(SITE.format(pulses=SHAKEN))
 
 
+@pytest.mark.slow
 def test_a_grid_of_pulses_on_three_axes(site: str, vsr: Callable[..., Ran], derived: Path) -> None:
     """Every outcome is that of the same run by hand."""
     assert vsr("run", "fragility", "--site", site, "--workers", "0").code == 0

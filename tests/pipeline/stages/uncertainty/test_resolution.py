@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import xarray as xr
 
 SITE = """
@@ -19,6 +20,7 @@ uncertainty: {members: 8, friction: [10, 10], restitution: [0, 0], centre_of_mas
 """
 
 
+@pytest.mark.slow
 def test_a_finer_grid_moves_the_band_by_no_more_than_a_bracket(
     vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
 ) -> None:
