@@ -160,8 +160,19 @@ QUICK_WAYS = [
 ]
 
 
+def takes_long(way: Way) -> bool:
+    """Bullet on a terrain, which `test_displacement_product` has, too."""
+    return way["ground"] == "terrain" and way["engine"] == "bullet"
+
+
 @pytest.mark.usefixtures("few_samples")
-@pytest.mark.parametrize("way", QUICK_WAYS, ids=told)
+@pytest.mark.parametrize(
+    "way",
+    [
+        pytest.param(way, id=told(way), marks=[pytest.mark.slow] * takes_long(way))
+        for way in QUICK_WAYS
+    ],
+)
 def test_each_pair_has_a_way(
     way: Way, go: Callable[[Way, str], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:

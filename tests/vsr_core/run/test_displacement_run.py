@@ -474,7 +474,6 @@ def in_the_niche(count: int) -> None:
     assert same >= count - max(1, count // 10)
 
 
-@pytest.mark.slow
 def test_a_reduced_scene_does_as_the_complete_one() -> None:
     in_the_niche(3)
 
