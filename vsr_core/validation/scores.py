@@ -291,6 +291,10 @@ def curve(intensity: Array, share: Array, motions: NDArray[np.str_], at: Array) 
     likelihood = probit_likelihood(design, np.zeros((len(weights), 1)), weights * share, weights)
     fitted, _ = maximise(likelihood, np.tile([0.0, 1.0], (len(weights), 1)))
     level, slope = fitted[:, :1], np.clip(fitted[:, 1:], FLATTEST, STEEPEST)
+    held = slope[:, 0] != fitted[:, 1]  # the likeliest level is that of the slope that is held
+    offset, counts = slope[held] * design[:, 1], weights[held]
+    likelihood = probit_likelihood(design[:, :1], offset, counts * share, counts)
+    level[held] = maximise(likelihood, np.zeros((len(counts), 1)))[0]
     drawn = norm.cdf(level + slope * (np.log(at) - centre))
     low, high = np.percentile(drawn[1:], [2.5, 97.5], axis=0)
     median = float(np.exp(centre - level[0, 0] / slope[0, 0]))

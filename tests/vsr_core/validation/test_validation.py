@@ -166,6 +166,24 @@ def test_curve_finds_the_fragility_that_made_the_outcomes() -> None:
     assert ((found.low <= exact + 0.02) & (exact - 0.02 <= found.high)).all()
 
 
+@pytest.mark.parametrize("first", range(1, 10))
+def test_the_median_of_separated_outcomes_is_between_them(first: int) -> None:
+    """All tests from one intensity on overturned: the curve is a step between it and the last."""
+    intensity = np.array([0.10, 0.14, 0.18, 0.22, 0.24, 0.26, 0.30, 0.35, 0.40, 0.50])
+    happened = (np.arange(10) >= first).astype(float)
+    found = scores.curve(intensity, happened, intensity.astype(str), intensity)
+    assert intensity[first - 1] < found.median < intensity[first]
+    np.testing.assert_array_equal(found.probability > 0.5, happened == 1)
+
+
+def test_a_curve_does_not_fall_and_is_level_at_the_share_that_overturned() -> None:
+    intensity = np.geomspace(0.1, 0.5, 10)
+    happened = (np.arange(10) < 3).astype(float)
+    found = scores.curve(intensity, happened, intensity.astype(str), intensity)
+    assert (np.diff(found.probability) > 0).all()
+    np.testing.assert_allclose(found.probability, 0.3, atol=0.03)
+
+
 # ------------------------------------------------------------------- priors
 
 
