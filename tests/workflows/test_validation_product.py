@@ -179,6 +179,7 @@ def test_page_shows_its_pictures_and_what_was_assumed(made: tuple[Path, Path]) -
         "normal, 0 ± 1 deg from the scan&#39;s +x",
         "uniform from 1.5 to 2",
         "sign of the drive",
+        "Specimen 1: no logistic of PGA and PGV/PGA, as the outcomes",  # fell from one PGA on
     ):
         assert word in page
     assert "{" not in page.partition("<body>")[2]  # nothing as Python writes it

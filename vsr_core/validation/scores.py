@@ -1,9 +1,8 @@
-"""How well probabilities of overturning fit the outcomes: scores, fragility curves, calibration."""
+"""How well probabilities of overturning fit the outcomes: scores and fragility curves."""
 
 from __future__ import annotations
 
 import warnings
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +12,7 @@ from scipy.stats import binomtest, norm
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.fragility.lognormal import probit_likelihood
 from vsr_core.fragility.model import maximise
+from vsr_core.validation.regression import regressed
 
 ONE_OUTCOME = "A single label was found", "y_pred contains classes not in y_true"
 """Beginnings of scikit-learn's warnings where all tests end alike: scores are of that one."""
@@ -32,7 +32,8 @@ class PredictionScores:
     spiegelhalter_z : float
         Of their calibration: standard normal if each test overturns with its probability.
     intercept, slope : float
-        Of a logistic regression of the outcomes on the log-odds: 0 and 1 of calibrated ones.
+        Of a logistic regression of the outcomes on the log-odds: 0 and 1 of calibrated ones. NaN
+        where the outcomes have none, see ``regressed``.
     """
 
     n: int
@@ -66,8 +67,7 @@ def scored(observed: Mask, predicted: Mask, probability: Array | None = None) ->
         brier = float(np.mean((probability - observed) ** 2))
         loss = float(metrics.log_loss(observed, clipped, labels=[False, True]))
         z = spiegelhalter(observed, clipped)
-        if observed.any() and not observed.all():
-            intercept, slope = _regressed(np.log(clipped / (1.0 - clipped)), observed)
+        intercept, slope = regressed(np.log(clipped / (1.0 - clipped)), observed)
     with warnings.catch_warnings():
         for expected in ONE_OUTCOME:
             warnings.filterwarnings("ignore", expected)
@@ -299,104 +299,3 @@ def curve(intensity: Array, share: Array, motions: NDArray[np.str_], at: Array) 
     low, high = np.percentile(drawn[1:], [2.5, 97.5], axis=0)
     median = float(np.exp(centre - level[0, 0] / slope[0, 0]))
     return Curve(at, drawn[0], low, high, median)
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """P = 1 / (1 + exp(-(intercept + slope * log-odds of the ensemble)))."""
-
-    intercept: float = 0.0
-    slope: float = 1.0
-    tests: int = 0
-
-    def probability(self, overturned: Array, members: Array) -> Array:
-        """Calibrated probabilities, shape (n,), of counts as in ``calibrate``."""
-        score = self.intercept + self.slope * _log_odds(overturned, members)
-        return np.asarray(1.0 / (1.0 + np.exp(-score)))
-
-
-def _log_odds(overturned: Array, members: Array) -> Array:
-    """Log-odds of overturning with half a member more on each side (Jeffreys), shape (n,)."""
-    return np.asarray(np.log((overturned + 0.5) / (members - overturned + 0.5)))
-
-
-def calibrate(overturned: Array, members: Array, observed: Mask) -> Calibration:
-    """Logistic regression of outcomes on the ensemble's log-odds (Platt 1999).
-
-    Parameters
-    ----------
-    overturned, members : ndarray, shape (n,), members that overturned and that have a verdict
-    observed : ndarray of bool, shape (n,)
-
-    Returns
-    -------
-    Calibration
-        One that changes nothing where all tests ended alike.
-    """
-    if observed.all() or not observed.any():
-        return Calibration()
-    return Calibration(*_regressed(_log_odds(overturned, members), observed), len(observed))
-
-
-def _regressed(score: Array, observed: Mask) -> tuple[float, float]:
-    """Intercept and slope of a logistic regression on one score, shape (n,)."""
-    from sklearn.linear_model import LogisticRegression
-
-    fit = LogisticRegression(C=np.inf).fit(score[:, None], observed)
-    return float(fit.intercept_[0]), float(fit.coef_[0, 0])
-
-
-FOLDS = 10
-"""Parts into which the ground motions are divided; each is predicted from the others."""
-
-
-def logistic(features: Array, observed: Mask, motions: NDArray[np.str_]) -> Array:
-    """Probabilities of a logistic regression, cross-validated by ground motion.
-
-    Every test is predicted by a fit that saw no test of its motion. There is no penalty, as in the
-    published fit (Purvance et al. 2008); a part that separates would show as probabilities of 0
-    and 1.
-
-    Parameters
-    ----------
-    features : ndarray, shape (n, k)
-    observed : ndarray of bool, shape (n,)
-    motions : ndarray of str, shape (n,)
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
-    from sklearn.linear_model import LogisticRegression
-    from sklearn.model_selection import GroupKFold
-
-    probability = np.full(len(observed), observed.mean())
-    parts = min(FOLDS, len(np.unique(motions)))
-    if parts < 2 or observed.all() or not observed.any():
-        return probability
-    for train, rest in GroupKFold(parts).split(features, observed, motions):
-        if len(np.unique(observed[train])) == 2:
-            fit = LogisticRegression(C=np.inf).fit(features[train], observed[train])
-            probability[rest] = fit.predict_proba(features[rest])[:, 1]
-    return probability
-
-
-def first_half(motions: NDArray[np.str_]) -> Mask:
-    """Tests whose ground motion belongs to the half that is used for calibration.
-
-    The half is fixed by the parity of the CRC-32 of the motion's name, whatever tests there are.
-
-    Parameters
-    ----------
-    motions : ndarray of str, shape (n,)
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-
-    Examples
-    --------
-    >>> first_half(np.array(["RSN3", "RSN316", "RSN316"]))
-    array([False,  True,  True])
-    """
-    return np.array([zlib.crc32(name.encode()) % 2 == 0 for name in motions.tolist()], dtype=bool)

@@ -21,7 +21,7 @@ from vsr_core.judge import proofs
 from vsr_core.outcome import Outcome
 from vsr_core.validation import conditioning, scores
 from vsr_core.validation.priors import best_guess
-from vsr_core.validation.scores import Calibration, calibrate, first_half, logistic
+from vsr_core.validation.regression import Calibration, calibrate, first_half, logistic
 from vsr_core.validation.specimen import Form, drawn, form
 
 _NEAR = 0.5
@@ -171,7 +171,7 @@ def _calibration(tests: Tests, overturned: Array, members: Array, half: Mask) ->
         inside = half & (observed >= 0)
         parts.append((overturned[row][inside], members[row][inside], observed[inside] == 1))
     counts, whole, sides = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return calibrate(counts, whole, sides) if len(sides) else Calibration()
+    return calibrate(counts, whole, sides)
 
 
 class Compared(NamedTuple):
@@ -230,27 +230,39 @@ class Predictor(NamedTuple):
     probability: Array | None = None
 
 
+CALIBRATED = "calibrated ensemble"
+REGRESSIONS = "logistic of PGA and PGV/PGA", "logistic of PGV"
+"""Predictors that are fitted to outcomes."""
+
+
+def left_out(one: Compared) -> list[str]:
+    """Predictors of a specimen that outcomes allow no fit of, one line each."""
+    known = predictors(one)
+    return [
+        f"specimen {one.specimen}: no {name}, as the outcomes that it would be fitted to are all "
+        "alike, or divided without an overlap: such a regression has no maximum"
+        for name in (CALIBRATED, *REGRESSIONS)
+        if name not in known
+    ]
+
+
 def predictors(one: Compared) -> dict[str, Predictor]:
-    """Gather the predictions for a specimen with outcomes."""
+    """Gather the predictions for a specimen with outcomes, without those of `left_out`."""
     row, specimen, tests = one.row, one.specimen, one.tests
     made, observed = one.made, one.observed
     motions = np.array(tests.motion)
     intensity = np.log(np.column_stack([tests.pga, tests.pgv_pga]))
-    regression = logistic(intensity, observed, motions)
-    velocity = logistic(intensity.sum(axis=1, keepdims=True), observed, motions)
-
-    def regressed(probability: Array) -> Predictor:
-        return Predictor(Origin.REGRESSION, decided(tests, probability), probability)
-
-    constant = np.zeros(len(observed), dtype=bool)
-    found = {
-        "ensemble": Predictor(Origin.OURS, one.share, made.share[row]),
-        "calibrated ensemble": Predictor(Origin.OURS, one.calibrated, made.calibrated[row]),
-        "best guess": Predictor(Origin.OURS, made.best_guess[row]),
-        "logistic of PGA and PGV/PGA": regressed(regression),
-        "logistic of PGV": regressed(velocity),
-        "always balanced": Predictor(Origin.CONSTANT, constant),
-    }
+    found = {"ensemble": Predictor(Origin.OURS, one.share, made.share[row])}
+    if made.calibration.tests:
+        found[CALIBRATED] = Predictor(Origin.OURS, one.calibrated, made.calibrated[row])
+    found["best guess"] = Predictor(Origin.OURS, made.best_guess[row])
+    measures = intensity, intensity.sum(axis=1, keepdims=True)
+    for name, features in zip(REGRESSIONS, measures, strict=True):
+        probability = logistic(features, observed, motions)
+        if not np.isnan(probability).any():
+            sides = decided(tests, probability)
+            found[name] = Predictor(Origin.REGRESSION, sides, probability)
+    found["always balanced"] = Predictor(Origin.CONSTANT, np.zeros(len(observed), dtype=bool))
     if len(set(tests.series)) > 1:
         after = Predictor(Origin.OURS, one.conditioned, made.conditioned[row])
         found["ensemble after the other series"] = after

@@ -66,6 +66,11 @@ def make(work: Work, folder: Folder) -> Product:
     found, predicted = _predict(work, series)
     at_ends, doubts = _doubtful(work, series, predicted)
     scores = page.scored(tests, predicted)
+    left_out = [
+        line for one in predictions.compared(tests, predicted) for line in predictions.left_out(one)
+    ]
+    for line in left_out:
+        work.log(f"validation: {line}")
     failed = page.failed(tests, predicted)
     drawn = {
         "validation_reliability": page.reliability(tests, predicted),
@@ -82,6 +87,7 @@ def make(work: Work, folder: Folder) -> Product:
         "assumed": page.assumed(tests.config, recorded=(folder.path / RECORDS).is_file()),
         "scores": list(scores.itertuples()),
         "calibration": predicted.calibration,
+        "left_out": left_out,
         "classes": page.confusions(tests, predicted),
         "doubts": list(doubts.itertuples()),
         "failed": list(failed.itertuples()),

@@ -169,10 +169,9 @@ def reliability(tests: Tests, made: Predictions) -> Figure:
         _shares(above, specimen, 0.03)
         above.set_ylabel("share of tests that overturned")
         below.set(xlabel="predicted probability of overturning", ylabel="tests", yscale="log")
-        kinds = (
-            ("priors only, all tests", known.share[row], np.ones(len(observed), dtype=bool)),
-            ("calibrated, other half", known.calibrated[row], ~known.half),
-        )
+        kinds = [("priors only, all tests", known.share[row], np.ones(len(observed), dtype=bool))]
+        if known.calibration.tests:
+            kinds.append(("calibrated, other half", known.calibrated[row], ~known.half))
         for k, (label, probability, inside) in enumerate(kinds):
             found = scores.reliability(observed[inside], probability[inside])
             shift = 0.008 * (2 * k - 1)

@@ -13,7 +13,7 @@ from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.stages.studies.validation import recorded_tests
 from pipeline.stages.studies.validation import validation_page as figures
 from pipeline.stages.studies.validation.predictions import Predictions
-from vsr_core.validation.scores import Calibration
+from vsr_core.validation.regression import Calibration
 
 COUNT = 60
 
@@ -41,7 +41,7 @@ def scored_tests() -> tuple[recorded_tests.Tests, Predictions]:
     shape = (2, COUNT)
     share, members = toppled / 20.0, np.full(shape, 20.0)
     every = (np.arange(20)[:, None] < np.round(20.0 * chance)).astype(np.int64)
-    parts = share, share, members, Calibration(), half, np.stack([every, every])
+    parts = share, share, members, Calibration(tests=COUNT), half, np.stack([every, every])
     return tests, Predictions(toppled, members, 0, toppled > 10, *parts)
 
 

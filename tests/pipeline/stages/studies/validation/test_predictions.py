@@ -113,6 +113,30 @@ def test_each_specimen_has_its_own_predictors(made: Predictions) -> None:
     np.testing.assert_array_equal(two["outcome of specimen 1"].sides, np.array(OBSERVED) == 1)
 
 
+def test_what_outcomes_allow_no_fit_of_is_left_out_and_told() -> None:
+    """Specimen 1 as its members say, sharply: its shares and its PGA divide the outcomes."""
+    letters = {"b": (0, 3), "o": (1, 4)}
+    found = {
+        Draw(specimen, Role.MEMBER, member): {
+            number: row("o" if member < letters["bo"[k >= 6]][specimen - 1] else "b")
+            for k, number in enumerate(TESTS.number)
+        }
+        for specimen in (1, 2)
+        for member in range(4)
+    }
+    sharp = replace(TESTS, observed={1: (0,) * 6 + (1,) * 6})
+    (one,) = predictions.compared(sharp, predictions.predictions(sharp, found))
+    names = set(predictions.predictors(one))
+    assert names == {"ensemble", "best guess", "always balanced"}
+    lines = predictions.left_out(one)
+    assert [line.split(",")[0] for line in lines] == [
+        "specimen 1: no calibrated ensemble",
+        "specimen 1: no logistic of PGA and PGV/PGA",
+        "specimen 1: no logistic of PGV",
+    ]
+    assert set(validation_page.scored(sharp, one.made)["predictor"]) == names
+
+
 def test_each_half_is_scored_on_its_own_tests(made: Predictions) -> None:
     """Said to overturn from a share of its mean on, of 23 members of 48: not from one of four."""
     scores = validation_page.scored(TESTS, made).set_index(["predictor", "subset"])
