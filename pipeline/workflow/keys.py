@@ -142,6 +142,8 @@ VALIDATION_CODE = (
     "vsr_core.validation.specimen:standing_case",
     "vsr_core.validation.specimen:shaken",
     "vsr_core.validation.specimen:drawn",
+    "vsr_core.validation.specimen:amplified",
+    "vsr_core.judge.proofs:barrier",
     "vsr_core.engines.nonsmooth:build",
 )
-"""What determines the runs of recorded shake-table tests."""
+"""What determines the runs of recorded shake-table tests; ``amplified`` names all their motions."""

@@ -17,7 +17,7 @@ from pipeline.workflow import keys
 from pipeline.workflow.rows import LineRow
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.outcome import DecidedBy, Outcome
-from vsr_core.run.movement import movements
+from vsr_core.run.movement import movements, no_return_tilt
 from vsr_core.source import tracing
 
 SHARE, SEED = 0.01, 1
@@ -43,7 +43,7 @@ def sampled(line: Line, cells: int) -> Mask:
 
 def rule() -> tuple[float, int, str]:
     """What decides what is kept of a line, besides its runs."""
-    code = tracing.reached((f"{packed.__module__}:{packed.__name__}",))
+    code = tracing.reached(f"{one.__module__}:{one.__name__}" for one in (packed, no_return_tilt))
     return SHARE, SEED, keys.digest(code)
 
 

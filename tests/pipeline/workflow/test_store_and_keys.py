@@ -550,6 +550,33 @@ def test_every_function_that_a_displacement_run_enters_is_in_its_key(engine: str
     assert entered - set(tracing.reached(run_code(engine, terrain=True))) == set()
 
 
+def test_every_function_that_a_recorded_test_enters_is_in_its_key() -> None:
+    """The draw of a specimen, its limits, and each kind of motion of a table."""
+    import trimesh
+
+    from vsr_core import GRAVITY
+    from vsr_core.judge.proofs import barrier
+    from vsr_core.motions.pulses import CosinePulse
+    from vsr_core.motions.records.components import ComponentMotion
+    from vsr_core.motions.records.trace import RecordedMotion, Trace
+    from vsr_core.table.stepper import SteppedPulse, Stepper
+    from vsr_core.validation import priors, specimen
+
+    pulse = CosinePulse(0.5 * GRAVITY, 0.2)
+    record = RecordedMotion(Trace(4.0 * np.sin(np.arange(200) / 10.0), 0.005))
+    along = ComponentMotion((record, record, record))
+    given = [pulse, record, along, SteppedPulse(pulse, Stepper(100.0, 1e-4, 1e-4))]
+    box = specimen.form(trimesh.creation.box([0.1, 0.1, 0.25]).subdivide(), None)
+    member = priors.best_guess(priors.Priors())
+    with following() as entered:
+        rock = specimen.drawn(box, member, 2700.0)
+        case = specimen.standing_case(rock, barrier(rock), member)
+        specimen.shaken(case, [specimen.amplified(motion, 1.1) for motion in given])
+    entered |= compiled_beneath(entered)
+    assert "vsr_core.table.stepper:SteppedPulse" in entered
+    assert entered - set(tracing.reached(keys.VALIDATION_CODE)) == set()
+
+
 def test_manifest_holds_a_checksum_of_every_product(
     write_site: Callable[..., str], vsr: Callable[..., object], derived: Path
 ) -> None:

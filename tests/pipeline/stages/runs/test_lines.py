@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,16 @@ def test_codes_come_back_of_all_runs_and_numbers_of_a_sample(columns: int) -> No
     assert (table["movement"][toppled & ~rolled & ~fell] == Movement.SLID).all()
     for one, row in zip(made, kept, strict=True):
         assert lines.outcomes(row[1:], CELLS) == one[:, 0].tolist()
+
+
+def test_what_decides_how_a_rock_left_its_seat_is_in_the_key(
+    edit_function: Callable[[str, str, str], None],
+) -> None:
+    known = {lines.rule()}
+    for name in ("movements", "no_return_tilt"):
+        edit_function("vsr_core/run/movement.py", name, "str(1)")
+        known.add(lines.rule())
+    assert len(known) == 3
 
 
 def test_a_line_takes_as_much_room_as_it_has_changes() -> None:
