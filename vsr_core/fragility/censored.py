@@ -44,10 +44,11 @@ class CensoredLogistic(Logistic):
         self._slope_scale = np.where(self._known, 1.0 / spreads, 0.0)
         self._low, self._high = (low - centre) / spreads[0], (high - centre) / spreads[0]
         self._ratio = (ratio - self._centre[1]) / spreads[1]
-        width = np.nanmedian(self._high - self._low) if self._varied else np.nan
+        widths = self._high - self._low
+        widths = widths[np.isfinite(widths)]
         # the standard deviation of a logistic of slope b is pi / sqrt(3) / b
         least = NARROWEST / spreads[0]
-        self._steepest = 2.0 * np.pi / (max(width, least) if width > 0 else 1.0)
+        self._steepest = 2.0 * np.pi / (max(np.median(widths), least) if widths.size else 1.0)
         self.separated = self._varied and self._is_separated()
         self._start = np.array([[0.0, 1.0, 0.0]])[:, [True, True, bool(self._known[1])]]
         self._start = self._solve(np.ones((1, cells.ln_ratio.size)), tolerance=1e-9)

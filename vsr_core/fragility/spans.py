@@ -52,7 +52,8 @@ def shares(known: Known, pgv_pga: npt.ArrayLike) -> Cells:
     """Share of each cell that topples, and share of it that is known.
 
     Between two runs that end alike all is taken to end like them, unless an unresolved one lies
-    there; of an interval of a change half. What was not tested is not known.
+    there; of an interval of a change half. What was not tested is not known. Where a row has no two
+    runs beside each other, as of one PGA, each is taken for its cell.
 
     Parameters
     ----------
@@ -77,9 +78,11 @@ def _row(known: Known, row: int, borders: Array) -> tuple[Array, Array]:
     start, end = np.searchsorted(known.level, [row, row + 1])
     at, side = np.log(known.pga[start:end]), known.side[start:end]
     decided = np.flatnonzero(side >= 0)
-    if decided.size < 2:
-        return np.zeros(borders.size - 1), np.zeros(borders.size - 1)
     length = np.diff(at[decided]) * (np.diff(decided) == 1)
+    if not length.any():
+        count = np.histogram(at[decided], borders)[0]
+        toppled = np.histogram(at[decided], borders, weights=side[decided])[0]
+        return STEP * toppled / np.maximum(count, 1), np.where(count > 0, STEP, 0.0)
     fell = 0.5 * (side[decided][1:] + side[decided][:-1])
     found = []
     for part in (length * fell, length):

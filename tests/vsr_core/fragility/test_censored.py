@@ -165,6 +165,29 @@ def test_nothing_is_known_around_an_unresolved_run() -> None:
     assert cells.trials[0, np.abs(cells.ln_pga - np.log(0.3)).argmin()] == 0.0
 
 
+@pytest.mark.parametrize(
+    ("pga", "sides", "status"),
+    [
+        ([0.5], [[1], [1]], ("below", "below")),
+        ([0.5], [[0], [1]], ("above", "below")),
+        ([0.4, 0.5, 0.6], [[0, -1, 1], [-1, 0, -1]], ("interval", "above")),
+    ],
+)
+def test_rows_without_two_runs_beside_each_other_have_their_own_interval(
+    pga: list[float], sides: list[list[int]], status: tuple[str, ...]
+) -> None:
+    """One PGA, at an end of the search; or unresolved runs between all others."""
+    grid, ratio = np.array(sides), np.array([0.2, 0.3])
+    known = Known.of(np.repeat([0, 1], len(pga)), np.tile(pga, 2), grid.ravel())
+    model = LognormalFragility(shares(known, ratio), thresholds(known, 2))
+    assert model.status == status
+    for theta, one in zip(np.exp(model.coefs[0, :, 0]), status, strict=True):
+        low, high = {"below": (0.2, 0.5), "interval": (0.4, 0.6), "above": (0.5, 1.2)}[one]
+        assert low < theta < high
+    found = fit_all(pga, ratio, grid, known, n_bootstrap=5)
+    assert all(np.isfinite(one.probability).all() for one in found.models)
+
+
 def test_lognormal_rows_are_told_by_all_runs() -> None:
     """Known to half a per cent, never toppled, toppled at the bound, and more than one change."""
     first = np.array([0.33, 20.0, 0.001, 0.4])
