@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from pipeline import cli
 from pipeline.drawing import style
-from pipeline.stages.figures import fig_08, making
+from pipeline.stages.figures import fig_08, fig_16, making, paper
 
 GRID = ("--set", "motion.pga={start: 0.05, stop: 0.5, num: 10}",
         "--set", "motion.pgv_pga={start: 0.05, stop: 0.35, num: 3}")  # fmt: skip
@@ -109,6 +110,26 @@ def test_results_of_another_site_of_that_name_stay(
     assert (shipped / name).read_bytes() == (derived / "w2_55cm" / name).read_bytes()
     name = "figures/fig_08.json"
     assert (tmp_path / name).read_bytes() == (derived / name).read_bytes()
+
+
+def test_a_figure_is_of_the_present_settings_that_it_reads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a boulder, which is in the key of no dataset that Fig. 16 draws."""
+
+    def findings(data: paper.Data) -> list[paper.Finding]:
+        place = data["displacement"].attrs["observed_boulder"]["position"]
+        return [paper.Finding("", "", "", str(place), None)]
+
+    lent = {"displacement": paper.Source("w2_55cm", "rock")}
+    monkeypatch.setattr(fig_16, "SOURCES", lent)
+    monkeypatch.setattr(fig_16, "draw", lambda _: Figure())
+    monkeypatch.setattr(fig_16, "findings", findings)
+    for place in ([1.0, 2.0], [1.0, 3.0]):
+        given = ("--set", f"observed_boulder={{position: {place}, position_sd: 1}}")
+        assert figures(tmp_path, "--fig", "16", *given) == 0
+        told = json.loads((tmp_path / "figures" / "fig_16.json").read_text())["findings"]
+        assert [one["measured"] for one in told] == [str(place)]
 
 
 def test_a_figure_that_there_is_not_is_refused(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 
 import numpy as np
@@ -18,6 +17,8 @@ from pipeline.stages.figures.paper import Data, Finding, by_rule
 from vsr_core.arrays import Array
 
 TITLE = "Lengths of the trajectories"
+
+SITE_KEYS = {"displacement": ("observed_boulder",)}
 
 LONGEST, BOTH = 0.1, 0.9
 """Share of the trajectories that are called long, and of these that need both to be large."""
@@ -76,7 +77,7 @@ def _niche(displacement: xr.Dataset, terrain: xr.Dataset) -> Finding:
     where, claim = "Fig. 16b, c, section 5.4", (
         "A cluster of trajectories of about the same length, near 6 m, ends in a niche."
     )  # fmt: skip
-    found = json.loads(displacement.attrs["vsr_config_json"])["observed_boulder"]
+    found = displacement.attrs["observed_boulder"]
     rule = (
         f"at least {100 * FEWEST:g} % of the toppled runs end within {NICHE:g} standard "
         "deviations of it"

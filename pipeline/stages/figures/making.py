@@ -22,6 +22,7 @@ from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.workflow import graph, keys, pages, site_folder, writers
 from pipeline.workflow.cluster import Cluster
 from pipeline.workflow.datasets import read
+from pipeline.workflow.parameters import Values
 from pipeline.workflow.registry import upstream
 from pipeline.workflow.stage import Job, Product, Stage
 from pipeline.workflow.store import Store
@@ -76,8 +77,12 @@ def make(options: argparse.Namespace, cluster: Cluster, log: Callable[[str], Non
                 told: graph.identities(source.stage, sites[source])[source.stage].key
                 for told, source in figure.SOURCES.items()
             }
+            settings = {
+                told: {key: Values(sites[figure.SOURCES[told]].settings).plain(key) for key in own}
+                for told, own in paper.settings(figure).items()
+            }
             folders = {told: stores[source].folder for told, source in figure.SOURCES.items()}
-            _draw(name, figure, needs, folders, store, asked)
+            _draw(name, figure, needs, settings, folders, store, asked)
         publish(store, asked.derived)
     return unresolved
 
@@ -121,6 +126,7 @@ def _draw(
     name: str,
     figure: paper.PaperFigure,
     needs: dict[str, str],
+    settings: dict[str, dict[str, Any]],
     folders: dict[str, Path],
     store: Store,
     asked: Asked,
@@ -129,16 +135,20 @@ def _draw(
 
     Parameters
     ----------
-    needs, folders : dict, key of each dataset and the folder where it is, as the figure names it
+    needs, settings, folders : dict
+        Key of each dataset, what the figure reads of its site's settings as they are now, which may
+        be others than when it was made, and the folder where it is, as the figure names it.
     """
     module = f"{paper.__package__}.{name}"
     stage = Stage(name, f"{module}:draw", code=(f"{module}:findings",), versions=_LIBRARIES)
     inputs = {path.name: keys.digest_file(path) for path in paper.inputs(figure)}
-    identity = graph.made_from(stage, {}, inputs, needs)
+    identity = graph.made_from(stage, settings, inputs, needs)
     if not any(graph.why(stage, identity, store)):
         return
     store.open()
     data = {told: dataset(source, folders[told]) for told, source in figure.SOURCES.items()}
+    for told, own in settings.items():
+        data[told].attrs |= own
     recorded = asked.record and any(one.study == RECORDED for one in figure.SOURCES.values())
     other = [*asked.settings, *([f"record={Path(asked.record).name}"] if recorded else [])]
     try:

@@ -6,7 +6,9 @@ A figure is a module ``fig_*`` or ``table_*`` of this room; it is found by its n
 - ``SOURCES``, a dict of ``Source`` by the names under which its functions are given the datasets;
 - ``draw(data)``, from the datasets to a matplotlib ``Figure``;
 - ``findings(data)``, from the datasets to a list of ``Finding``;
-- perhaps ``INPUTS``, files that it reads besides.
+- perhaps ``INPUTS``, files that it reads besides;
+- perhaps ``SITE_KEYS``, a dict of the keys of settings that it reads, by the dataset whose site has
+  them; it finds their values in the attributes of that dataset.
 """
 
 from __future__ import annotations
@@ -139,6 +141,11 @@ def load(name: str) -> PaperFigure:
 def inputs(figure: PaperFigure) -> tuple[Path, ...]:
     """Files that a figure reads besides its datasets."""
     return cast(tuple[Path, ...], getattr(figure, "INPUTS", ()))
+
+
+def settings(figure: PaperFigure) -> Mapping[str, tuple[str, ...]]:
+    """Keys of the settings that a figure reads, by its names of datasets."""
+    return cast(Mapping[str, tuple[str, ...]], getattr(figure, "SITE_KEYS", {}))
 
 
 def _number(name: str) -> str:

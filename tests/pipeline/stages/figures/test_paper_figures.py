@@ -23,6 +23,7 @@ from pipeline.stages.figures import (
     paper,
     table_1,
 )
+from pipeline.workflow.parameters import Values
 from pipeline.workflow.registry import BY_NAME
 from vsr_core.fragility.boundary import locate
 from vsr_core.outcome import Outcome
@@ -62,6 +63,8 @@ def test_every_figure_names_what_there_is(name: str) -> None:
         assert source.stage in BY_NAME
         assert load_site(source.site, source.study or None).name == source.site
     assert all(path.is_file() for path in paper.inputs(figure))
+    for told, own in paper.settings(figure).items():
+        assert all(map(Values(load_site(figure.SOURCES[told].site).settings).holds, own))
 
 
 def test_figures_are_found_by_what_a_user_calls_them() -> None:
@@ -224,7 +227,7 @@ def test_of_trajectories_that_there_are_not_nothing_is_found() -> None:
     stood = moved({0.6: [Outcome.BALANCED] * 3})
     names = ("pgv_pga", "trajectory_length", "terminal_distance")
     stood = stood.assign({name: ("run", np.ones(3)) for name in names})
-    stood.attrs["vsr_config_json"] = '{"observed_boulder": {"position": [0, 0], "position_sd": 1}}'
+    stood.attrs["observed_boulder"] = {"position": [0, 0], "position_sd": 1}
     terrain = xr.Dataset(attrs={"origin_in_scan": [0.0, 0.0, 0.0]})
     found = fig_16.findings({"displacement": stood, "terrain": terrain})
     found += table_1.findings({"displacement": stood})
