@@ -6,7 +6,7 @@ import itertools
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +118,7 @@ def load_sweep(
     file = layers.files[-1][0]
     dimensions = _dimensions(layers, file, gridded=gridded)
     members = _members(layers, dimensions, file)
+    dimensions = tuple(_referred(layers, dimensions, members))
     return Sweep(Path(file).stem, file, dimensions, members)
 
 
@@ -125,7 +126,6 @@ def _dimensions(layers: Layers, file: str, *, gridded: bool) -> tuple[Dimension,
     if not isinstance(layers.sweep, dict) or not layers.sweep:
         rule = "a sweep has named dimensions, each with keys and their values"
         raise InputError(Problem(file, "sweep", repr(layers.sweep), rule, EXAMPLE))
-    base = layers.merged()[0]
     found, before = [], dict[str, str]()
     for name, keys in layers.sweep.items():
         place = f"sweep.{name}"
@@ -141,7 +141,7 @@ def _dimensions(layers: Layers, file: str, *, gridded: bool) -> tuple[Dimension,
             _check_key(layers, file, f"{place}.{key}", str(key), before)
             before[str(key)] = place
         values = {str(key): _values(file, f"{place}.{key}", given) for key, given in keys.items()}
-        found.append(_dimension(str(name), values, base, file, gridded=gridded))
+        found.append(_dimension(str(name), values, file, gridded=gridded))
     count = math.prod(len(one.labels) for one in found if not one.gridded)
     if count > MOST_MEMBERS:
         rule = f"a sweep has at most {MOST_MEMBERS}, not counting directions and frictions"
@@ -150,7 +150,7 @@ def _dimensions(layers: Layers, file: str, *, gridded: bool) -> tuple[Dimension,
 
 
 def _dimension(
-    name: str, values: dict[str, tuple[Any, ...]], base: dict[str, Any], file: str, *, gridded: bool
+    name: str, values: dict[str, tuple[Any, ...]], file: str, *, gridded: bool
 ) -> Dimension:
     counts = {key: len(given) for key, given in values.items()}
     if len(set(counts.values())) > 1:
@@ -162,18 +162,11 @@ def _dimension(
         given = ", ".join(map(_label, twice[0]))
         rule, remedy = "duplicate value", "give each value once"
         raise InputError(Problem(file, f"sweep.{name}", f"{given} twice", rule, remedy))
-    own = tuple(_at(base, key) for key in values)
     grid = gridded and len(values) == 1 and next(iter(values)) in GRIDS
     numeric = all(_is_number(place[0]) for place in places)
     if name in TAKEN and not (numeric and [GRIDS.get(key) for key in values] == [name]):
         raise InputError(taken(file, name))
-    return Dimension(
-        name,
-        values,
-        _labels(places),
-        places.index(own) if own in places else 0,
-        gridded=grid and numeric,
-    )
+    return Dimension(name, values, _labels(places), 0, gridded=grid and numeric)
 
 
 def taken(file: str, name: str) -> Problem:
@@ -232,6 +225,32 @@ def _members(layers: Layers, dimensions: tuple[Dimension, ...], file: str) -> tu
     if problems:
         raise InputError(*problems.values())
     return tuple(members)
+
+
+def _referred(
+    layers: Layers, dimensions: tuple[Dimension, ...], members: tuple[Member, ...]
+) -> Iterator[Dimension]:
+    """The dimensions, each with the place at which the site itself is, or else the first."""
+    try:
+        own = layers.site().settings.model_dump(mode="json")
+    except InputError:  # it may need what the sweep sets
+        yield from dimensions
+        return
+    settings = {member.place: member.site.settings for member in members}
+    first = members[0].place
+    parted = [one.name for one in dimensions if not one.gridded]
+    for one in dimensions:
+        if one.gridded:
+            places = [[[value]] for value in one.values[one.key]]
+        else:
+            at = parted.index(one.name)
+            trees = (
+                settings[(*first[:at], n, *first[at + 1 :])].model_dump(mode="json")
+                for n in range(len(one.labels))
+            )
+            places = [[_at(tree, key) for key in one.values] for tree in trees]
+        site = [_at(own, key) for key in one.values]
+        yield replace(one, reference=places.index(site) if site in places else 0)
 
 
 def _folder(dimensions: tuple[Dimension, ...], at: tuple[int, ...], taken: set[str]) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,10 +16,10 @@ WriteSite = Callable[..., str]
 
 @pytest.fixture
 def sweep_of(write_site: WriteSite, tmp_path: Path) -> Callable[..., Sweep]:
-    def load(text: str, *settings: str, gridded: bool = True, **more: Any) -> Sweep:
+    def load(text: str, *settings: str, gridded: bool = True, site: str = "") -> Sweep:
         study = tmp_path / "study.yaml"
         study.write_text(text)
-        found = load_sweep(write_site(**more), str(study), settings, gridded=gridded)
+        found = load_sweep(write_site(site), str(study), settings, gridded=gridded)
         assert found is not None
         return found
 
@@ -65,6 +64,37 @@ def test_directions_and_frictions_are_grids_of_one_member(sweep_of: Callable[...
     parted = sweep_of(text, gridded=False)
     assert len(parted.members) == 6
     assert parted.reference.site.config.contact.friction == (0.6,)
+
+
+@pytest.mark.parametrize(
+    ("site", "key", "values", "reference"),
+    [
+        ("cuboid_1x1x2", "hazard.minimum_survival_probability", "[0.01, 0.05]", 1),
+        ("double_rock", "rock.closing", "[hull, caps]", 1),
+        ("double_rock_terrain", "pedestal.seat", "[whole, rim]", 1),
+        ("cuboid_1x1x2", "hazard.minimum_survival_probability", "[0.01, 0.02]", 0),
+    ],
+)
+def test_the_reference_is_the_site_itself_also_by_a_value_it_leaves_out(
+    site: str, key: str, values: str, reference: int, tmp_path: Path
+) -> None:
+    study = tmp_path / "study.yaml"
+    study.write_text(
+        f"sweep: {{e: {{simulation.reduce: [false, true]}}, it: {{{key}: {values}}}}}\n"
+    )
+    found = load_sweep(site, str(study), (), gridded=True)
+    assert found is not None
+    assert [one.reference for one in found.dimensions] == [1, reference]
+    assert found.reference.place == (1, reference)
+
+
+@pytest.mark.parametrize("gridded", [True, False])
+def test_a_site_may_list_the_one_value_that_it_has(
+    gridded: bool, sweep_of: Callable[..., Sweep]
+) -> None:
+    text = "sweep: {mu: {contact.friction: [0.4, 0.6]}, y: {yaw: [90, 0]}}\n"
+    found = sweep_of(text, gridded=gridded, site="yaw: [0]\ncontact: {friction: [0.6]}\n")
+    assert [one.reference for one in found.dimensions] == [1, 1]
 
 
 def test_settings_hold_for_all_members(sweep_of: Callable[..., Sweep]) -> None:
