@@ -48,6 +48,9 @@ INPUTS = tuple(
 """What stages read besides the configuration and each other's products."""
 
 
+SOLIDS = ("trimesh", "scipy", "shapely", "fast-simplification")
+"""Libraries that shape rock and ground, with ``coacd`` where a scan is cut into convex pieces."""
+
 STAGES: tuple[Stage, ...] = (
     Stage(
         "scan",
@@ -55,7 +58,7 @@ STAGES: tuple[Stage, ...] = (
         gives=("pipeline.stages.mesh.products:ScanData",),
         applies=lambda site: site.on_terrain and not site.on_own_ground,
         files=("prep.html", "refused.html"),
-        versions=("trimesh", "scipy"),
+        versions=(*SOLIDS, "coacd"),
     ),
     Stage(
         "placed",
@@ -64,27 +67,28 @@ STAGES: tuple[Stage, ...] = (
         applies=lambda site: site.on_own_ground,
         code=("vsr_core.engines.nonsmooth:build",),
         files=("closed_rock.html", "refused.html"),
-        versions=("trimesh", "scipy", "numba"),
+        versions=(*SOLIDS, "coacd", "numba"),
     ),
     Stage(
         "closed_rock",
         make="pipeline.stages.mesh.closed_rock:make",
         applies=lambda site: site.rock_alone,
         files=("closed_rock.html", "refused.html"),
-        versions=("trimesh", "scipy"),
+        versions=SOLIDS,
     ),
     Stage(
         "rock",
         make="pipeline.stages.mesh.rock:make",
         gives=("pipeline.stages.mesh.products:RockData", "pipeline.stages.mesh.products:Standing"),
         aside=lambda site: True,
-        versions=("trimesh", "scipy"),
+        versions=SOLIDS,
     ),
     Stage(
         "terrain",
         make="pipeline.stages.mesh.terrain:make",
         gives=("pipeline.stages.mesh.products:TerrainData", "pipeline.stages.mesh.products:Ground"),
         applies=lambda site: site.on_terrain,
+        versions=SOLIDS,
     ),
     Stage(
         "time_step",
@@ -154,7 +158,7 @@ STAGES: tuple[Stage, ...] = (
         applies=lambda site: site.observed,
         code=("vsr_core.engines.nonsmooth:build",),
         files=("observations.html", "catalogue.yaml"),
-        versions=("scipy", "trimesh", "matplotlib", "jinja2"),
+        versions=(*SOLIDS, "matplotlib", "jinja2"),
     ),
     Stage(
         "uncertainty",
@@ -163,7 +167,7 @@ STAGES: tuple[Stage, ...] = (
         applies=lambda site: site.uncertain,
         refuses="pipeline.stages.uncertainty.draws:refuse_contact",
         files=("uncertainty.html", "catalogue.yaml"),
-        versions=("scikit-learn", "scipy", "trimesh", "matplotlib", "jinja2"),
+        versions=("scikit-learn", *SOLIDS, "matplotlib", "jinja2"),
     ),
     Stage(
         "exclusion",
@@ -191,7 +195,7 @@ STAGES: tuple[Stage, ...] = (
             "reduction_gains.yaml",
             "catalogue.yaml",
         ),
-        versions=("matplotlib", "jinja2"),
+        versions=("fast-simplification", "matplotlib", "jinja2"),
     ),
     Stage(
         "displacement",
@@ -202,7 +206,7 @@ STAGES: tuple[Stage, ...] = (
         "displacement_report",
         make="pipeline.stages.displacement.displacement_report:make",
         files=("displacement.html", "scene3d.html", *SCENE_SCRIPTS, "page.js", "catalogue.yaml"),
-        versions=("matplotlib", "jinja2", "pillow"),
+        versions=("fast-simplification", "matplotlib", "jinja2", "pillow"),
     ),
     Stage(
         "geodata",
@@ -237,7 +241,7 @@ STAGES: tuple[Stage, ...] = (
             ),
         ),
         files=("stability.html",),
-        versions=("pybullet", "mujoco", "scipy", "trimesh", "matplotlib", "jinja2"),
+        versions=("pybullet", "mujoco", *SOLIDS, "coacd", "matplotlib", "jinja2"),
     ),
     Stage(
         "drive",

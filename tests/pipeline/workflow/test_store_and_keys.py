@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import errno
 import json
 import math
@@ -14,6 +15,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +32,7 @@ from pipeline.stages.runs.scenes import code as run_code
 from pipeline.workflow import keys, store
 from pipeline.workflow.graph import FINDERS, Identity, Values, identities, identity, why
 from pipeline.workflow.owner import LOCK
-from pipeline.workflow.registry import BY_NAME
+from pipeline.workflow.registry import BY_NAME, STAGES, inputs_of
 from pipeline.workflow.rows import DisplacementRow, RunRow
 from pipeline.workflow.run_store import RUNS, RunStore
 from pipeline.workflow.stage import Input
@@ -502,6 +504,33 @@ def test_stages_decided_by_a_function(edit_function: Callable[[str, str, str], N
         assert not ({"rock", "runs"} - decided) & changed, function
     touched = {name for stage in after for name in after[stage].items() - before[stage].items()}
     assert {name for name, _ in touched} <= set(DECIDES)
+
+
+@cache
+def names_in(module: str) -> dict[str, set[str]]:
+    """Names in each definition of a module."""
+    path = ROOT.joinpath(*module.split("."))
+    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    found: dict[str, set[str]] = {}
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        own = {one for one in ast.walk(node) if isinstance(one, ast.Name)}
+        given = {one.id for one in own if isinstance(one.ctx, ast.Store)}
+        for name in {node.name} if hasattr(node, "name") else given:
+            found[name] = found.get(name, set()) | {one.id for one in own}
+    return found
+
+
+def test_libraries_that_shape_rock_and_ground_are_in_the_keys_of_what_they_shape() -> None:
+    using = set()
+    for stage in STAGES:
+        finders = [FINDERS[path].find for path in inputs_of(stage.make)]
+        for definition in tracing.reached([stage.make, *stage.code, *finders]):
+            module, _, name = definition.partition(":")
+            for library in ("coacd", "fast_simplification", "shapely"):
+                if library in names_in(module).get(name, ()):
+                    using.add((stage.name, library))
+                    assert library.replace("_", "-") in stage.versions, (stage.name, definition)
+    assert {("scan", "coacd"), ("terrain", "fast_simplification"), ("rock", "shapely")} <= using
 
 
 @pytest.mark.parametrize("engine", ["bullet", "mujoco", "nonsmooth"])
