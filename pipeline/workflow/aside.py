@@ -10,7 +10,7 @@ import sys
 import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from typing import TypeVar
+from typing import Generic, TypeVar, cast
 
 from pipeline.config.problems import Unfinished
 
@@ -30,33 +30,38 @@ def possible() -> bool:
     return sys.platform == "linux" and not multiprocessing.current_process().daemon
 
 
-def begin(work: Callable[[], T]) -> Callable[[], T]:
-    """Begin work in a copy of this process.
+class Begun(Generic[T]):
+    """Work that was begun in a copy of this process."""
 
-    Returns
-    -------
-    callable
-        It waits for the end of the work, returns its result or raises its error; ``Unfinished``
-        where its process was killed.
-    """
-    context = multiprocessing.get_context("fork")
-    end, told = context.Pipe(duplex=False)
-    given = work, told, os.getpid()
-    process = context.Process(target=_do, args=given, daemon=True)  # ends with this one
-    process.start()
-    told.close()
+    def __init__(self, work: Callable[[], T]) -> None:
+        context = multiprocessing.get_context("fork")
+        self._end, told = context.Pipe(duplex=False)
+        given = work, told, os.getpid()
+        self._process = context.Process(target=_do, args=given, daemon=True)  # ends with this one
+        self._process.start()
+        told.close()
 
-    def wait() -> T:
+    def __call__(self) -> T:
+        """Wait for the end of the work, return its result or raise its error.
+
+        Raises
+        ------
+        Unfinished
+            Where its process was killed.
+        """
         try:
-            result, error = end.recv()
+            result, error = self._end.recv()
         except EOFError:
             error = Unfinished(KILLED)
-        process.join()
+        self._process.join()
         if error is not None:
             raise error
-        return result
+        return cast(T, result)
 
-    return wait
+    def stop(self) -> None:
+        """End it where it is, if it goes on still."""
+        self._process.kill()
+        self._process.join()
 
 
 def _do(work: Callable[[], object], told: Connection, parent: int) -> None:

@@ -238,13 +238,20 @@ class _Making:
 
     def __init__(self, wanted: dict[str, Identity], job: Job) -> None:
         self._wanted, self._job = wanted, job
-        self._under_way: dict[str, Callable[[], str]] = {}
+        self._under_way: dict[str, aside.Begun[str]] = {}
         self._ahead = list(wanted)
         inputs = {path: one for part in wanted.values() for path, one in part.inputs.items()}
         self._products = _Products(inputs, job, self._awaited)
 
     def all(self) -> None:
-        """Make them in their order."""
+        """Make them in their order; what is made aside ends where this does."""
+        try:
+            self._all()
+        finally:
+            for one in self._under_way.values():
+                one.stop()
+
+    def _all(self) -> None:
         late = {need for name in self._wanted for need in needs(name, late=True)}
         for name, own in self._wanted.items():
             stage = BY_NAME[name]
@@ -262,7 +269,7 @@ class _Making:
         if aside.possible() and job.cluster.free and stage.aside(job.site.settings):
             # A copy of a process that once had workers cannot have any: Dask's threads are gone.
             alone = replace(job, cluster=job.cluster.in_process())
-            self._under_way[stage.name] = aside.begin(partial(self._make, stage, own, alone))
+            self._under_way[stage.name] = aside.Begun(partial(self._make, stage, own, alone))
         else:
             job.log(self._make(stage, own, job, settles=True))
 
@@ -274,7 +281,8 @@ class _Making:
             for one in self._wanted[coming].inputs.values():
                 if one is not None:
                     one.get_ready()
-        line = self._under_way.pop(name)()
+        line = self._under_way[name]()
+        del self._under_way[name]
         site_folder.settle(self._job)
         self._job.log(line)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import signal
 import time
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.cli import main
+from pipeline.cli import STOPPED, main
 from pipeline.config.problems import InputError, Problem, Unfinished
 from pipeline.workflow import aside
 
@@ -20,7 +21,7 @@ pytestmark = pytest.mark.skipif(not aside.possible(), reason="no copies of a pro
 
 
 def test_the_result_comes_from_another_process() -> None:
-    wait = aside.begin(os.getpid)
+    wait = aside.Begun(os.getpid)
     assert wait() != os.getpid()
 
 
@@ -33,7 +34,7 @@ def test_it_goes_on_beside_what_follows(tmp_path: Path) -> None:
         second.write_text("from aside")  # each waits for the other to read
         return first.read_text()
 
-    wait = aside.begin(work)
+    wait = aside.Begun(work)
     assert second.read_text() == "from aside"
     first.write_text("from here")
     assert wait() == "from here"
@@ -46,13 +47,13 @@ def test_a_refusal_comes_back_whole() -> None:
         raise InputError(problem)
 
     with pytest.raises(InputError) as caught:
-        aside.begin(work)()
+        aside.Begun(work)()
     assert caught.value.problems == (problem,)
 
 
 def test_death_leaves_work_to_do() -> None:
     with pytest.raises(Unfinished, match="was killed"):
-        aside.begin(lambda: os.kill(os.getpid(), signal.SIGKILL))()
+        aside.Begun(lambda: os.kill(os.getpid(), signal.SIGKILL))()
 
 
 def test_it_ends_with_the_process_that_began_it(tmp_path: Path) -> None:
@@ -64,7 +65,7 @@ def test_it_ends_with_the_process_that_began_it(tmp_path: Path) -> None:
         done.touch()
 
     if not (child := os.fork()):
-        aside.begin(work)
+        aside.Begun(work)
         os.kill(os.getpid(), signal.SIGKILL)
     os.waitpid(child, 0)
     time.sleep(1.5)
@@ -78,12 +79,30 @@ simulation: {time_step: 0.01}
 """
 
 
+def test_it_ends_with_the_call_that_is_interrupted(
+    write_site: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As by Ctrl-C in a notebook, whose process goes on."""
+
+    class Awaited(aside.Begun[None]):
+        def __init__(self, _: object) -> None:
+            super().__init__(partial(time.sleep, 60.0))
+
+        def __call__(self) -> None:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(aside, "Begun", Awaited)
+    given = ["--site", write_site(SMALL), "--derived", str(tmp_path / "derived"), "--workers", "0"]
+    assert main(["run", "fragility", *given]) == STOPPED
+    assert not multiprocessing.active_children()
+
+
 def test_products_are_the_same_as_in_turn(
     write_site: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     site, begun, made = write_site(SMALL), [], []
-    begin = aside.begin
-    monkeypatch.setattr(aside, "begin", lambda work: begun.append(work) or begin(work))
+    begin = aside.Begun
+    monkeypatch.setattr(aside, "Begun", lambda work: begun.append(work) or begin(work))
     for possible in (True, False):
         monkeypatch.setattr(aside, "possible", partial(bool, possible))
         derived = tmp_path / str(possible)
