@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -17,11 +18,13 @@ from conftest import Ran
 from support import record_files
 
 from pipeline import ROOT
+from pipeline.config.hazard_schema import HazardRock
 from pipeline.config.layers import load_site
 from pipeline.config.observation_schema import ShakeTest
 from pipeline.config.priors_schema import ScanErrorConfig
 from pipeline.config.problems import InputError
-from pipeline.stages.hazard import curve_folder, fault_files
+from pipeline.stages.hazard import curve_folder, fault_files, other_rocks
+from pipeline.stages.mesh import sources
 from pipeline.stages.motions import record_inputs, table_motions
 from pipeline.stages.motions.motion_grid import MotionFiles
 from pipeline.stages.observations import shaking
@@ -190,6 +193,37 @@ def test_a_motion_and_a_second_scan_are_those_of_the_key_when_they_are_read(inpu
         shaken.motion(0)
     with pytest.raises(InputError, match=r"copy.obj.*edited while a command that reads it"):
         drawing.surface(rock, ScanErrorConfig(), second)
+
+
+@pytest.mark.parametrize("name", ["rock.obj", "terrain.obj", "archive.csv"])
+def test_a_scan_and_an_archive_are_those_of_the_key_when_they_are_read(
+    name: str, tmp_path: Path, write_site: Callable[..., str]
+) -> None:
+    """They are read long after their digests, and were saved otherwise in between."""
+    vertices, faces = double_rock()
+    trimesh.Trimesh(vertices, faces).export(tmp_path / "rock.obj")
+    trimesh.Trimesh(vertices, faces).export(tmp_path / "terrain.obj")
+    header = "name,alpha_1_deg,alpha_2_deg,r_1_m,r_2_m,height_m,azimuth_deg,friction,roundness"
+    (tmp_path / "archive.csv").write_text(f"{header}\nA,12,17,0.84,0.86,1.7,40,0.7,\n")
+    pedestal = "pedestal: {shape: mesh, mesh: terrain.obj}\n"
+    site = load_site(
+        write_site(f"rock: {{shape: mesh, mesh: rock.obj, density: 2110}}\n{pedestal}")
+    )
+    rock = sources.find(site.config.rock, site.config.pedestal, site)
+    ground = sources.find_ground(site.config.pedestal, site)
+    assert rock is not None
+    assert ground is not None
+    dated = {"site": "A", "archive": "archive.csv", "age": {"kind": "normal", "mean": 900}}
+    archived = other_rocks._other(HazardRock.model_validate(dated), site, drawn=False)
+    read: dict[str, Callable[[], object]] = {
+        "rock.obj": partial(sources.load, rock, site),
+        "terrain.obj": partial(sources.load_ground, ground, site),
+        "archive.csv": partial(archived.fragility, tmp_path),
+    }
+    assert read[name]() is not None
+    (tmp_path / name).write_bytes((tmp_path / name).read_bytes() + b"\n")
+    with pytest.raises(InputError, match=f"{name}.*edited while a command that reads it"):
+        read[name]()
 
 
 def test_a_record_that_comes_while_others_are_read_waits_for_the_next_command(

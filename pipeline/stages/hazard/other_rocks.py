@@ -94,17 +94,25 @@ class Other:
 
 @dataclass(frozen=True)
 class Archived:
-    """A rock of an archive, whose fragility no runs are needed for."""
+    """A rock of an archive, whose fragility no runs are needed for.
+
+    Attributes
+    ----------
+    before : str, digest of the archive when it was found
+    """
 
     name: str
     path: Path
+    before: str
     observed: Observations = ()
     history: History = ()
     earlier: tuple[Other, ...] = ()
 
     def fragility(self, own: Path) -> RockFragility:
         """What the equations say; nothing is beside the site's ``own`` products."""
-        return of_photograph(answered(self.path, self.name))
+        found = of_photograph(answered(self.path, self.name))
+        keys.check_same(self.path, [self.path], [self.before])
+        return found
 
 
 @dataclass(frozen=True)
@@ -114,6 +122,11 @@ class Others(Input):
     rocks: tuple[Other | Archived, ...]
     compared: tuple[Other, ...]
     earlier: tuple[Other, ...]
+
+    def digests_as_read(self) -> dict[str, str]:
+        """The same, of archives as they were when they were found."""
+        archives = (one for one in self.rocks if isinstance(one, Archived))
+        return self.digests() | {f"archive of {one.name}": one.before for one in archives}
 
     def digests(self) -> dict[str, str]:
         """Keys of their products, and digests of archives and their equations."""
@@ -237,7 +250,7 @@ def _other(rock: HazardRock, origin: Origin, drawn: bool) -> Other | Archived:
     if rock.archive is not None:
         path = located(origin.folder_of(key), rock.archive, origin.file_of(key), key)
         answered(path, name)
-        return Archived(name, path)
+        return Archived(name, path, keys.digest_file(path))
     found = _of_site(name, origin, key, drawn)
     check_stages(found.site, rock.age)
     return replace(found, earlier=_stages(found.history, rock.age, found.site.origin, drawn))

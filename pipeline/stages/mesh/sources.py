@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +16,8 @@ from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.config.scene_schema import PedestalConfig, RockConfig
 from pipeline.stages.mesh import mesh_files
 from pipeline.stages.mesh.originals import ORIGINALS
-from pipeline.workflow.keys import digest_file
-from pipeline.workflow.stage import Input
+from pipeline.workflow.keys import check_same, digest_file
+from pipeline.workflow.stage import FilesInput
 from vsr_core.errors import InvalidInput
 from vsr_core.surrogates import GENERATORS, GROUNDS, SITES
 from vsr_core.surrogates.raw_scan import scan
@@ -35,7 +35,7 @@ _NOTE, _LARGEST_NOTE = TypeAdapter(dict[str, Any]), 100_000
 
 
 @dataclass(frozen=True)
-class Source(Input):
+class Source(FilesInput):
     """The shape that a site uses.
 
     Attributes
@@ -50,6 +50,7 @@ class Source(Input):
     label: str
     scale: float
     has_ground: bool
+    before: dict[str, str] = field(default_factory=dict)
 
     @property
     def surrogate(self) -> bool:
@@ -74,11 +75,12 @@ class Source(Input):
 
 
 @dataclass(frozen=True)
-class GroundFile(Input):
+class GroundFile(FilesInput):
     """A terrain that is not in the rock's scan."""
 
     path: Path | None
     fallback: str
+    before: dict[str, str] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
@@ -107,19 +109,22 @@ def find(rock: RockConfig, pedestal: PedestalConfig, origin: Origin) -> Source |
     if path is None:
         name = _known("rock", rock.fallback, SITES if has_ground else GENERATORS, origin)
         label = "surrogate made from published figures (no scan found)"
-        return Source(None, name, label, rock.scale, has_ground)
-    return Source(path, "", _label(path), rock.scale, has_ground)
+        found = Source(None, name, label, rock.scale, has_ground)
+    else:
+        found = Source(path, "", _label(path), rock.scale, has_ground)
+    return replace(found, before=found.digests())
 
 
 def find_ground(pedestal: PedestalConfig, origin: Origin) -> GroundFile | None:
     """The terrain of a site that has it in a file of its own, or made by a formula."""
     if not pedestal.is_own_file:
         return None
+    path = None
     if pedestal.mesh is not None:
         path = _file("pedestal", pedestal.mesh, pedestal.fallback, origin)
-        if path is not None:
-            return GroundFile(path, "")
-    return GroundFile(None, _known("pedestal", pedestal.fallback, GROUNDS, origin))
+    name = "" if path else _known("pedestal", pedestal.fallback, GROUNDS, origin)
+    found = GroundFile(path, name)
+    return replace(found, before=found.digests())
 
 
 def _file(section: str, name: str, fallback: str | None, origin: Origin) -> Path | None:
@@ -180,7 +185,7 @@ def load(source: Source, origin: Origin) -> trimesh.Trimesh:
             return mesh.apply_scale(source.scale)
         raw = scan(SITES[source.fallback]())
         return trimesh.Trimesh(raw.vertices, raw.faces, vertex_colors=raw.colours, process=False)
-    return _read(source.path, origin, "rock.mesh", source.scale)
+    return _read(source.path, source.before, origin, "rock.mesh", source.scale)
 
 
 def load_ground(ground: GroundFile, origin: Origin) -> trimesh.Trimesh:
@@ -189,15 +194,19 @@ def load_ground(ground: GroundFile, origin: Origin) -> trimesh.Trimesh:
 
     if ground.path is None:
         return trimesh.Trimesh(*GROUNDS[ground.fallback](), process=False)
-    return _read(ground.path, origin, "pedestal.mesh")
+    return _read(ground.path, ground.before, origin, "pedestal.mesh")
 
 
-def _read(path: Path, origin: Origin, key: str, scale: float = 1.0) -> trimesh.Trimesh:
+def _read(
+    path: Path, before: dict[str, str], origin: Origin, key: str, scale: float = 1.0
+) -> trimesh.Trimesh:
     try:
-        return mesh_files.read(path, scale)
+        found = mesh_files.read(path, scale)
     except InvalidInput as error:
         given = f"{shown(path)}, {error.given}"
         raise _problem(origin, given, error.rule, error.remedy, key) from None
+    check_same(path, [path], [*before.values()])
+    return found
 
 
 def _label(path: Path) -> str:
