@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-import shutil
+import os
 import tempfile
+from hashlib import sha256
 from pathlib import Path
 
 import pooch
@@ -16,8 +17,12 @@ from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.mesh.originals import ORIGINALS, Original
 from pipeline.stages.mesh.sources import ORIGIN, SUFFIXES
+from pipeline.workflow import output
+from pipeline.workflow.grammar import listed
 from pipeline.workflow.keys import digest_file
+from pipeline.workflow.log import complain
 from pipeline.workflow.store import writing
+from pipeline.workflow.writers import binary
 from vsr_core.errors import reason
 
 
@@ -25,7 +30,8 @@ def fetch(name: str, url: str | None = None, raw: Path | None = None) -> Path:
     """Download an original and keep it as ``<raw>/<name>/<name>.ply`` in metres.
 
     A copy under ``../shared/data`` is taken in place of the download. The specimen of shake-table
-    tests is ``sp1.ply``, in a folder that ``make validate`` reads.
+    tests is ``sp1.ply``, in a folder that ``make validate`` reads. Other files in the folder that
+    hold something else than what comes with it are left as they are, and told.
 
     Parameters
     ----------
@@ -84,19 +90,26 @@ def _keep(name: str, original: Original, file: Path, folder: Path) -> Path:
     if original.height is not None:
         mesh.apply_scale(original.height / float(mesh.extents[2]))
     final = folder / ("sp1.ply" if original.tests else f"{name}.ply")
+    held = trimesh.Trimesh(mesh.vertices, mesh.faces).export(file_type="ply")
+    assert isinstance(held, bytes)
+    facts = {"from": original.credit, "url": original.url, "sha256": sha256(held).hexdigest()}
+    files = {ORIGIN: json.dumps(facts, indent=1).encode()}
+    if original.tests:
+        files |= {path.name: path.read_bytes() for path in (CONFIGS / "tests" / name).iterdir()}
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        part = folder / f".part-{name}"
-        try:
-            trimesh.Trimesh(mesh.vertices, mesh.faces).export(part, file_type="ply")
-            facts = {"from": original.credit, "url": original.url, "sha256": digest_file(part)}
-            (folder / ORIGIN).write_text(json.dumps(facts, indent=1), encoding="utf-8")
-            if original.tests:
-                shutil.copytree(CONFIGS / "tests" / name, folder, dirs_exist_ok=True)
-            part.replace(final)
-        finally:
-            part.unlink(missing_ok=True)
+        there = sorted(one for one in files if os.path.lexists(folder / one))
+        others = [one for one in there if not _holds(folder / one, files[one])]
+    for one in files.keys() - there:
+        output.put("vsr fetch", folder / one, binary(files[one]))
+    output.put("vsr fetch", final, binary(held))  # last: with it the folder is whole
+    if others:
+        complain(f"vsr: warning: {folder}: {listed(others)} of your own, left as found")
     return final
+
+
+def _holds(path: Path, held: bytes) -> bool:
+    return path.is_file() and path.read_bytes() == held
 
 
 def _problem(file: str, given: str, rule: str, remedy: str) -> InputError:

@@ -267,6 +267,41 @@ def test_the_boulder_is_pinned_and_kept_as_large_as_it_is(
     np.testing.assert_allclose(trimesh.load(path, process=False).extents, SIZE, rtol=1e-6)
 
 
+@pytest.mark.parametrize("full", [False, True])
+def test_assumptions_and_outcomes_of_ones_own_stay(
+    full: bool,
+    serve: Callable[[bytes], str],
+    raw: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The specimen was removed, as one is told to, to fetch the original again."""
+    body = bytes(trimesh.creation.box(extents=SIZE).export(file_type="dae"))
+    name = "double_rock_prints"
+    monkeypatch.setitem(ORIGINALS, name, replace(ORIGINALS[name], sha256=sha(body)))
+    own = {"table.yaml": "members: 40\n", "outcomes.csv": "test\n1\n", "origin.json": "{}"}
+    (raw / name).mkdir(parents=True)
+    for file, text in own.items():
+        (raw / name / file).write_text(text)
+    url = f"{serve(body)}/whole.dae"
+    if full:  # a torn file would be taken for one's own from then on
+
+        def torn(path: Path, _: bytes) -> int:
+            path.touch()
+            raise OSError(28, "No space left on device")
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "write_bytes", torn)
+            with pytest.raises(InputError, match="No space left on device"):
+                fetch.fetch(name, url, raw)
+        assert {path.name for path in (raw / name).iterdir()} == own.keys()
+    assert fetch.fetch(name, url, raw).is_file()
+    assert {file: (raw / name / file).read_text() for file in own} == own
+    assert (raw / name / "schema.json").stat().st_size > 0
+    told = capsys.readouterr().err
+    assert "origin.json, outcomes.csv and table.yaml of your own, left as found" in told
+
+
 @pytest.mark.skipif(not ORIGINAL.is_file(), reason=f"reference data absent: {ORIGINAL.name}")
 def test_double_rock(serve: Callable[[bytes], str], raw: Path) -> None:
     path = fetch.fetch("double_rock", f"{serve(ORIGINAL.read_bytes())}/whole.dae", raw)
