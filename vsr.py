@@ -11,7 +11,6 @@ Products are made by the same stages, from the same store and under the same key
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import os
 import threading
@@ -31,6 +30,7 @@ from pipeline.workflow import graph, output
 from pipeline.workflow.cluster import GUARDED
 from pipeline.workflow.command_line import parsed
 from pipeline.workflow.jobs import job_of
+from pipeline.workflow.keys import digest
 from pipeline.workflow.log import complain
 from pipeline.workflow.products import DELIVERABLES
 
@@ -155,7 +155,7 @@ def run(
 
 
 def _written(folder: Path, name: str, site: Settings) -> Path:
-    """A site's content as a file in JSON, which is YAML, too; never over one by another hand."""
+    """A site's content as a file: JSON, which is YAML, too; never over one by another hand."""
     path = folder / f"{name}.yaml"
     plain = isinstance(name, str) and name.isprintable() and f"{name}."[0] != "."
     if path.parent != folder or not plain:
@@ -163,24 +163,29 @@ def _written(folder: Path, name: str, site: Settings) -> Path:
         raise InputError(Problem("vsr.run", "name", repr(name), rule, remedy))
     if os.path.lexists(path) and not _is_of_content(path):
         rule = "only what vsr.run wrote is written over"
-        remedy = "give its path as the site, or another name="
+        remedy = "give its path as the site, or another name=, or remove it"
         raise InputError(Problem(str(path), "", "a file by another hand", rule, remedy))
 
     def write(part: Path) -> None:
         part.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(in_yaml(site, indent=1), encoding="utf-8")
+        part.write_text(_signed(in_yaml(site, indent=1)), encoding="utf-8")
 
     output.put("vsr.run", path, write)
     return path
 
 
+def _signed(plain: str) -> str:
+    """A text below its digest, by which a change by hand is seen."""
+    return f"# written by vsr.run: {digest(plain)}\n{plain}"
+
+
 def _is_of_content(path: Path) -> bool:
-    """Whether a file is as the content of a site is written here."""
+    """Whether a file is as it was written here."""
     try:
         text = content(path).decode()
-        return text == in_yaml(json.loads(text), indent=1)
-    except (InputError, ValueError, RecursionError):
+    except (InputError, ValueError):
         return False
+    return text == _signed(text.partition("\n")[2])
 
 
 def _replayed(

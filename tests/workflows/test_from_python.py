@@ -172,6 +172,18 @@ def test_a_file_by_another_hand_is_not_written_over(own: str, tmp_path: Path) ->
     assert path.read_text() == own
 
 
+def test_what_was_changed_by_hand_is_not_written_over(tmp_path: Path) -> None:
+    """A number in an editor; what nobody changed is that of the rock which is given."""
+    other = vsr.box(0.5, 0.5, 1.0, density=2650.0)
+    for given in (BLOCK, other):
+        vsr.run("rock", given, derived=tmp_path, workers=0)
+    path = tmp_path / "rock.yaml"
+    path.write_text(path.read_text().replace("2650.0", "2651.0"))
+    with pytest.raises(vsr.InputError, match=r"rock\.yaml: got a file by another hand"):
+        vsr.run("rock", other, derived=tmp_path, workers=0)
+    assert "2651.0" in path.read_text()
+
+
 def test_each_thread_gets_the_rock_that_it_asks_for() -> None:
     masses = [1000.0, 2000.0, 3000.0, 4000.0] * 5
 
@@ -300,7 +312,7 @@ def test_a_replay_is_of_its_own_rock_whatever_was_refused_since() -> None:
     with pytest.raises(vsr.InputError):
         vsr.responses(vsr.box(1.0, 1.0, 1.2, density=-1.0), PULSES, **QUICK)
     made.vsr.replay(yaw=0, pga=0.9, pgv_pga=0.3)
-    rock = json.loads(Path("data/derived/rock.yaml").read_text())["rock"]
+    rock = load_yaml(Path("data/derived/rock.yaml").read_text())["rock"]
     assert rock["size"] == [0.5, 1.0, 2.0]
 
 
