@@ -43,7 +43,8 @@ def _has_products(folder: Path) -> bool:
 
 def is_linked(folder: Path, derived: Path) -> bool:
     """Whether a folder of results is a link, or behind one."""
-    above = () if folder.parent == derived else (folder.parent,)
+    inside = folder.relative_to(derived)
+    above = (derived / one for one in inside.parents[:-1])
     return any(path.is_symlink() for path in (folder / ".stages", folder, *above))
 
 

@@ -131,6 +131,20 @@ def test_what_a_hazard_is_compared_with_goes_with_its_site(
     assert (tmp_path / "other" / "rock" / "rock.csv").is_file()
 
 
+def test_no_lock_is_written_behind_a_link_to_all_comparisons(
+    vsr: Callable[..., Ran], derived: Path, tmp_path: Path
+) -> None:
+    """A command at work there is in nobody's way, and nothing is made or removed."""
+    put(derived / "rock", "hazard")
+    put(tmp_path / "other" / "friction" / "rock", "rock")
+    (derived / "rock" / "compared").symlink_to(tmp_path / "other")
+    with Ownership(tmp_path / "other" / "friction" / "rock"):
+        ran = vsr("clean", "--yes")
+    assert (ran.code, ran.err) == (cli.DONE, "")
+    assert ran.out.splitlines()[0].endswith("; left, as no results: compared")
+    assert [path.name for path in (derived / "rock").iterdir()] == ["compared"]
+
+
 def test_what_is_no_result_is_left_and_named_and_links_are_not_followed(
     vsr: Callable[..., Ran], derived: Path, tmp_path: Path
 ) -> None:
