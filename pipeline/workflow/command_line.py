@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
 
 from pipeline import ROOT
-from pipeline.config.paths import located, shown, working_folder
+from pipeline.config.paths import shown, working_folder
 from pipeline.config.problems import InputError, Problem
+from pipeline.workflow import option_values
 from pipeline.workflow.log import show
 from pipeline.workflow.products import DELIVERABLES, OF_A_SITE
-
-FEWEST_SHAPES = 100
-"""Shapes from which equations can be fitted at all."""
 
 ANSWERS = ROOT / "pipeline" / "inspection" / "answers.schema.json"
 JSON = f"print JSON, of the shapes in {shown(ANSWERS)}".replace("%", "%%")
@@ -62,9 +59,6 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 }
 """What products take, as ``pipeline.workflow.products`` has it for each."""
 
-MOST_WORKERS = 10_000
-"""More worker processes than any machine starts."""
-
 
 def parsed(arguments: list[str] | None = None) -> argparse.Namespace:
     """Options of a command line, checked."""
@@ -84,6 +78,10 @@ class _Version(argparse.Action):
 
 class _Parser(argparse.ArgumentParser):
     """Parser whose usage errors are one line, as all other errors are."""
+
+    def __init__(self, *words: Any, **more: Any) -> None:
+        super().__init__(*words, **more)
+        self.register("action", None, option_values.Stored)
 
     def error(self, message: str) -> NoReturn:
         """Raise a usage error."""
@@ -219,10 +217,18 @@ def parser() -> argparse.ArgumentParser:
         "archive-equations --shapes 200",
     )
     equations.add_argument(
-        "--shapes", type=_shapes, default=1750, metavar="N", help="shapes drawn; 1750 unless given"
+        "--shapes",
+        type=option_values.shapes,
+        default=1750,
+        metavar="N",
+        help="shapes drawn; 1750 unless given",
     )
     equations.add_argument(
-        "--workers", type=_workers, default=2, metavar="N", help="worker processes; 2 unless given"
+        "--workers",
+        type=option_values.workers,
+        default=2,
+        metavar="N",
+        help="worker processes; 2 unless given",
     )
     equations.add_argument(
         "--ship", action="store_true", help="put them in place of the shipped ones"
@@ -236,7 +242,9 @@ def parser() -> argparse.ArgumentParser:
     listed.add_argument("--json", action="store_true", help=JSON)
     clean = add("clean", "remove results of one site or all; never data/raw", "clean --older 30d")
     clean.add_argument("--site", metavar="NAME", help="a site's folder of results; all if omitted")
-    clean.add_argument("--older", type=_days, metavar="DAYS", help="made so long ago, e.g. 30d")
+    clean.add_argument(
+        "--older", type=option_values.days, metavar="DAYS", help="made so long ago, e.g. 30d"
+    )
     clean.add_argument("--yes", action="store_true", help="do not ask")
     completion = add("completion", "print what completes commands, options and names in a shell")
     completion.epilog = COMPLETING
@@ -297,7 +305,7 @@ def _add_common(sub: argparse.ArgumentParser) -> None:
     results = working_folder() / "data" / "derived"
     sub.add_argument(
         "--derived",
-        type=_folder,
+        type=option_values.folder,
         default=results,
         metavar="DIR",
         help="folder of results; data/derived unless given",
@@ -351,7 +359,7 @@ def _refuse_others(options: argparse.Namespace) -> None:
     product, given = options.product or "fragility", vars(options)
     for name, how in _OPTIONS.items():
         value = given.get(how.get("dest", name.replace("-", "_")))
-        if name not in DELIVERABLES[product].options and value not in (None, "", []):
+        if name not in DELIVERABLES[product].options and value != how.get("default"):
             rule, remedy = f"{product} takes no --{name}", f"see vsr run {product} --help"
             raise InputError(Problem(f"--{name}", "", str(value), rule, remedy))
 
@@ -359,7 +367,7 @@ def _refuse_others(options: argparse.Namespace) -> None:
 def _add_where(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "--workers",
-        type=_workers,
+        type=option_values.workers,
         metavar="N",
         help="worker processes; 0 for none, all cores unless given",
     )
@@ -369,32 +377,3 @@ def _add_where(sub: argparse.ArgumentParser) -> None:
         "--scheduler-file", metavar="F", help="the file that a Dask scheduler wrote of itself"
     )
     where.add_argument("--cluster", choices=("slurm",), help="workers as cluster jobs")
-
-
-def _workers(text: str) -> int:
-    if not (text.isascii() and text.isdecimal() and len(text) < 10) or int(text) > MOST_WORKERS:
-        rule = f"the number of workers is 0 to {MOST_WORKERS}"
-        raise InputError(Problem("--workers", "", repr(text), rule, "e.g. 2"))
-    return int(text)
-
-
-def _shapes(text: str) -> int:
-    if not (text.isascii() and text.isdecimal() and len(text) < 7) or int(text) < FEWEST_SHAPES:
-        rule = f"the number of shapes is {FEWEST_SHAPES} to 999999"
-        raise InputError(Problem("--shapes", "", repr(text), rule, "e.g. 1750"))
-    return int(text)
-
-
-def _days(text: str) -> float:
-    number = text.removesuffix("d")
-    if not (number.isascii() and number.isdecimal() and len(number) < 6):
-        raise InputError(Problem("--older", "", repr(text), "an age is in whole days", "e.g. 30d"))
-    return float(number)
-
-
-def _folder(text: str) -> Path:
-    text = os.path.expanduser(text)  # noqa: PTH111 (a shell leaves ~ after =; no user's name: as is)
-    if located(Path.cwd(), text, "--derived", "").is_file():
-        rule = "results need a folder, and this is a file"
-        raise InputError(Problem("--derived", "", text, rule, "give another path"))
-    return Path.cwd() / text if text.startswith("~") else Path(text)  # libraries expand it, too
