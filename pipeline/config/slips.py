@@ -135,7 +135,7 @@ IDLE = (
         "pedestal.mesh pedestal.cut pedestal.point_on_rock rock.pose",
         ("pedestal", "flat"),
         "level ground has no part for it",
-        "set pedestal.shape: mesh, or leave it out",
+        "leave it out, or set pedestal.shape: mesh",
     ),
     (
         "rock.mesh rock.scale",
@@ -187,8 +187,15 @@ def _idle(site: Site, settings: dict[str, Any]) -> Iterator[Problem]:
             for key in keys.split():
                 above, _, name = key.partition(".")
                 given = settings[above].get(name) if above in settings else None
-                if given not in (None, 1.0):  # the scale of a file in metres
+                over = _is_over(site, f"{section}.shape", key)
+                if given not in (None, 1.0) and not over:  # the scale of a file in metres
                     yield Problem(site.file_of(key), key, str(given), rule, remedy)
+
+
+def _is_over(site: Site, one: str, other: str) -> bool:
+    """Whether a key is set in a layer over that of another, which then may be idle."""
+    place, below = site.places.get(tuple(one.split("."))), site.file_of(other)
+    return place is not None and below != "--set" and place[0] not in (site.file, below)
 
 
 def _values(settings: Any, key: str) -> Values:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -84,6 +85,33 @@ def test_what_has_no_part_in_a_block_on_level_ground_is_told(setting: str) -> No
     (line,) = told(setting)
     assert line.startswith(f"--set: {setting.partition('=')[0]}: got ")
     assert "leave it out" in line
+
+
+@pytest.mark.parametrize(
+    ("of_site", "of_study", "settings", "idle"),
+    [
+        ("shape: mesh, fallback: sine_hills", "{}", ("pedestal.shape=flat",), False),
+        ("shape: mesh, fallback: sine_hills", "pedestal: {shape: flat}", (), False),
+        ("shape: flat, fallback: sine_hills", "{}", (), True),
+        ("shape: flat, fallback: sine_hills", "rock: {pose: {position: [0, 0, 1]}}", (), True),
+        ("shape: flat, fallback: sine_hills", "{}", ("rock.pose.drop=true",), True),
+        (
+            "shape: mesh, fallback: sine_hills",
+            "{}",
+            ("pedestal.shape=flat rock.pose.drop=true",),
+            True,
+        ),
+    ],
+)
+def test_a_shape_that_is_set_over_a_site_leaves_what_was_for_another(
+    of_site: str, of_study: str, settings: tuple[str, ...], idle: bool, tmp_path: Path
+) -> None:
+    """The program itself says so to who wants draws of a rock on a terrain of another file."""
+    rock = "{shape: mesh, mesh: a, density: 2700, pose: {position: [3, 0, 1]}}"
+    (tmp_path / "a.yaml").write_text(f"rock: {rock}\npedestal: {{{of_site}}}\n")
+    (tmp_path / "study.yaml").write_text(f"{of_study}\n")
+    site = load_site(str(tmp_path / "a.yaml"), str(tmp_path / "study.yaml"), settings)
+    assert ["rock.pose: got" in str(one) for one in warnings(site)] == [True] * idle
 
 
 def members(site: str, study: str | None) -> list[Site]:
