@@ -121,9 +121,21 @@ def _require_fresh(store: Store, site: Path) -> None:
         *_, last = found
         given = f"what other settings or inputs made ({found[last]})"
         rule = f"all products are of the settings in {FILE}"
-        remedy = f"make it again there with those, e.g. vsr {_command(last)} --site {shown(site)}"
+        again = f"{_command(last)} --site {shown(site)}"
+        again += _variant(store.folder.resolve().name, site.stem)
+        remedy = f"make it again there with those, e.g. vsr {again}"
         remedy += ", or, where they make none, make the others with --name in a folder of their own"
         raise InputError(Problem(str(store.folder), listed([*found]), given, rule, remedy))
+
+
+def _variant(folder: str, site: str) -> str:
+    """The option that names the folder of a variant; the name of a site may have an @, too.
+
+    >>> _variant("a@rough", "a"), _variant("a-0b1c2d@rough", "a"), _variant("a@b", "a@b")
+    (' --name rough', ' --name rough', '')
+    """
+    found = re.fullmatch(rf"{re.escape(site)}(-[0-9a-f]{{6}})?@(.+)", folder)
+    return f" --name {found[2]}" if found else ""
 
 
 def _command(stage: str) -> str:

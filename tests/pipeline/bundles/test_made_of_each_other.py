@@ -118,8 +118,11 @@ def test_products_that_are_not_of_each_other_are_told_where_they_are_compared(
 def test_how_a_stale_replay_is_made_again_is_told(folder: Path) -> None:
     of_another_rock(folder)
     manifest(folder, "responses").unlink()
-    with pytest.raises(InputError, match=r"e\.g\. vsr replay --site .*stone\.yaml"):
+    with pytest.raises(InputError, match=r"e\.g\. vsr replay --site .*stone\.yaml, or"):
         exported(folder)
+    variant = folder.rename(folder.with_name("stone@rough"))
+    with pytest.raises(InputError, match=r"vsr replay --site .*stone\.yaml --name rough, or"):
+        exported(variant)
 
 
 def test_of_a_folder_that_a_setting_names_only_inputs_are_exported(
