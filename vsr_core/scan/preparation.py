@@ -130,7 +130,8 @@ def prepare_scan(
     with refusing(lambda: _three_parts(separation, closed, cleaned.offset)):
         touching = contact_shape(rock, terrain, seat, *contact)
     tell("trying other cuts")
-    others = alternatives(cleaned.mesh, separation)
+    point = None if near is None else np.array(near) - cleaned.offset
+    others = alternatives(cleaned.mesh, separation, point)
     tell("trying other closings")
     trials = tuple(
         tried(name, partial(_rock, separation, name), solid, density)

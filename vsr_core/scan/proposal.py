@@ -271,12 +271,15 @@ class Alternative:
     reason: str
 
 
-def alternatives(mesh: trimesh.Trimesh, separation: Separation) -> tuple[Alternative, ...]:
+def alternatives(
+    mesh: trimesh.Trimesh, separation: Separation, near: Array | None = None
+) -> tuple[Alternative, ...]:
     """A plane, a box, a polygon and, where the scan has colours, a colour, all tried.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh [m], the clean scan
+    near : ndarray, shape (3,) [m], a point on the rock, in the mesh's coordinates, as of ``by_cut``
     """
     seam = separation.seams[0].points
     rock = separation.vertices[np.unique(separation.faces[separation.rock])]
@@ -291,7 +294,7 @@ def alternatives(mesh: trimesh.Trimesh, separation: Separation) -> tuple[Alterna
     ]
     if colours is not None:
         made.append(_colour(np.array(mesh.vertices), colours[:, :3].astype(np.float64), rock))
-    tried = [_tried(mesh, separation, cut) for cut in made]
+    tried = [_tried(mesh, separation, cut, near) for cut in made]
     worse = max(tried[2:4], key=lambda found: np.nan_to_num(found.away, nan=np.inf))
     return tuple(found for found in tried if found is not worse)
 
@@ -344,9 +347,11 @@ def _colour(vertices: Array, colours: Array, rock: Array) -> Colour:
     return Colour((red, green, blue), float(levels[int(np.argmax(right))]))
 
 
-def _tried(mesh: trimesh.Trimesh, separation: Separation, cut: Cut) -> Alternative:
+def _tried(
+    mesh: trimesh.Trimesh, separation: Separation, cut: Cut, near: Array | None
+) -> Alternative:
     try:
-        other = settled(by_cut(mesh, cut))
+        other = settled(by_cut(mesh, cut, near))
     except InvalidInput as error:
         return Alternative(cut, np.nan, np.nan, error.given)
     area = [float(areas(s.vertices, s.faces)[s.rock].sum()) for s in (other, separation)]

@@ -311,6 +311,26 @@ def test_how_far_a_cut_is_from_another() -> None:
     assert polygon.away > 0.3
 
 
+def test_other_cuts_are_of_the_rock_that_the_point_is_on() -> None:
+    """Beside a low block stands a pillar of more surface, which a plane parts from the ground."""
+    line = np.arange(33) / 4 - 4
+    x, y = (part.ravel() for part in np.meshgrid(line, line))
+    low = (abs(x) < 1.1) & (abs(y) < 1.1)
+    pillar = (abs(x - 2.1) < 0.45) & (abs(y) < 0.45)
+    corner = np.arange(33 * 33).reshape(33, 33)
+    a, b, c, d = (
+        part.ravel()
+        for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1])
+    )
+    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    vertices = np.column_stack([x, y, 0.5 * low + 2.6 * pillar])
+    mesh, point = trimesh.Trimesh(vertices, faces, process=False), np.array([0.0, 0.0, 0.5])
+    found = settled(by_cut(mesh, Plane((0.0, 0.0, 0.1), (0.0, 0.0, 1.0)), point))
+    plane, *_ = alternatives(mesh, found, point)
+    assert plane.away < 0.5
+    assert plane.area < 1.0
+
+
 def is_colour(other: Alternative) -> bool:
     return isinstance(other.cut, Colour)
 
