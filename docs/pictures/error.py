@@ -1,4 +1,4 @@
-"""What the error of a boundary is: the distance beyond which every outcome is right."""
+"""What the error of a boundary is: the distance of the first outcome outwards that is right."""
 
 import matplotlib.pyplot as plt
 import numpy as np
