@@ -74,6 +74,15 @@ def identities(name: str, site: Site, *, to_make: bool = True) -> dict[str, Iden
     return found
 
 
+def checked(name: str, job: Job) -> dict[str, Identity]:
+    """The same of a job; what is read from where its results go is refused."""
+    found = identities(name, job.site)
+    inputs = (one for part in found.values() for one in part.inputs.values())
+    for one in filter(None, inputs):
+        job.store.check_apart(one.files_read())
+    return found
+
+
 def identity(
     stage: Stage, values: Values, inputs: dict[str, Input | None], above: dict[str, str]
 ) -> Identity:
@@ -174,7 +183,7 @@ def differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
 
 def make(name: str, job: Job) -> int:
     """Bring a product up to date; returns the number of unresolved runs."""
-    wanted = identities(name, job.site)
+    wanted = checked(name, job)
     _forget_crashed(name, job.store)
     try:
         _Making(wanted, job).all()

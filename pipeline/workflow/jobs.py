@@ -46,7 +46,7 @@ def check_observed(job: Job) -> None:
 
 def others_of(job: Job) -> Iterator[tuple[str, Job]]:
     """Stages and jobs of other rocks and settings, whose fragilities a site's hazard reads."""
-    graph.identities("hazard", job.site)  # refused before anything is made
+    graph.checked("hazard", job)  # refused before anything is made
     found = named("pipeline.stages.hazard.other_rocks:find")(job.config.hazard, job.site)
     for other in found.made:
         store = Store(other.folder(job.store.folder))

@@ -38,6 +38,11 @@ def store_of(site: Site, derived: Path, variant: str | None) -> Store:
     Parameters
     ----------
     variant : str, its name, or None for the site itself
+
+    Raises
+    ------
+    InputError
+        For a name that is none, and for a folder that holds the site's file.
     """
     if variant is not None and not _NAME.fullmatch(variant):
         rule, remedy = "it has letters, digits, points and dashes", "e.g. --name rough"
@@ -51,7 +56,9 @@ def store_of(site: Site, derived: Path, variant: str | None) -> Store:
     if taken or (derived / own).is_dir():
         name = own
     home = Store(derived / name)
-    return home if variant is None else Store(derived / f"{name}{of_variant}", home)
+    store = home if variant is None else Store(derived / f"{name}{of_variant}", home)
+    store.check_apart([site.path])
+    return store
 
 
 def settle(job: Job) -> None:

@@ -117,6 +117,10 @@ class Input(ABC):
         """Those before its files were read; if finding it read none, those now."""
         return self.digests()
 
+    def files_read(self) -> tuple[Path, ...]:
+        """Files that are read, or folders of them."""
+        return ()
+
     def get_ready(self) -> None:  # noqa: B027 (most need nothing)
         """Load what it needs, while other stages are made."""
 

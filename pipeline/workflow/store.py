@@ -13,12 +13,14 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from graphlib import CycleError, TopologicalSorter
+from itertools import product
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 
 from pipeline.config.outside import content
+from pipeline.config.paths import shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.keys import digest, digest_file
 from pipeline.workflow.owner import LOCK, Ownership, make_folder, settle
@@ -129,6 +131,19 @@ class Store:
     def up(self) -> str:
         """The way from here to the folder of all results, as a link has it."""
         return f"{os.path.relpath(self.runs.parent, self.folder)}/"
+
+    def check_apart(self, paths: Iterable[Path]) -> None:
+        """Refuse files in the folder that products are made from, lest these are written over them.
+
+        Parameters
+        ----------
+        paths : of files, or of folders that hold some
+        """
+        for path, folder in product(paths, (self.folder, self.runs)):
+            if Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder)):
+                given, rule = f"{shown(path)}, which is read", "it holds results and no input"
+                remedy = "move that, or give another folder with DERIVED="
+                raise InputError(Problem(str(folder), "", given, rule, remedy))
 
     def __enter__(self) -> Store:
         return self

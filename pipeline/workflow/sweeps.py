@@ -124,7 +124,7 @@ def _wanted(swept: Swept) -> Identity:
         for one in sweep.dimensions
     }
     needs = {
-        member.name: graph.identities(swept.stage, member.site)[swept.stage].key
+        member.name: graph.checked(swept.stage, swept.jobs[member.place])[swept.stage].key
         for member in sweep.members
     }
     return graph.made_from(COMPARISON, {"sweep": dimensions, "product": swept.stage}, {}, needs)

@@ -44,6 +44,8 @@ def make(options: argparse.Namespace) -> tuple[Store, int]:
     path = located(Path.cwd(), options.rocks, "vsr archive", "")
     archive = rock_list.read(path)
     known = keys.digest_file(path)  # before the answers take their time
+    store = Store(_folder(options.derived, path))
+    store.check_apart([path])
     for problem in archive.problems:
         complain(f"vsr: {problem}")
     shipped = shipped_equations.load()
@@ -59,7 +61,6 @@ def make(options: argparse.Namespace) -> tuple[Store, int]:
     facts |= {"figure": png_uri(drawn), "spread": png_uri(archive_figures.spread(dataset))}
     files[PAGE] = writers.text(pages.filled(PAGE, facts, "../../"))
     unanswered = len(archive.problems)
-    store = Store(_folder(options.derived, path))
     with store:
         store.open()
         manifest = {"key": dataset.attrs["vsr_key"], "facts": {"file": str(path)}, "retry": 0}

@@ -64,13 +64,14 @@ def make(options: argparse.Namespace, cluster: Cluster, log: Callable[[str], Non
     sources = [source for figure in figures.values() for source in figure.SOURCES.values()]
     sites = {source: _site(source, asked) for source in dict.fromkeys(sources)}
     stores = {source: _store(source, site, asked.derived) for source, site in sites.items()}
+    store = Store(asked.derived / FOLDER)
+    store.check_apart([Path(asked.record)] if asked.record else [])
     unresolved = 0
     with asked.cluster:
         for folder in dict.fromkeys(source.folder for source in sites):
             there = [source for source in sites if source.folder == folder]
             stages = {source.stage for source in there}
             unresolved += _bring(stages, sites[there[0]], stores[there[0]], asked)
-    store = Store(asked.derived / FOLDER)
     with store:
         for name, figure in figures.items():
             needs = {

@@ -116,6 +116,9 @@ class Curves(FilesInput):
     about: str
     unused: tuple[str, ...]
 
+    def files_read(self) -> tuple[Path, ...]:
+        return (self.path, self.disaggregated or self.path)
+
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
         return _digests(self.path, self.disaggregated, of_events=self.events is not None)

@@ -84,6 +84,9 @@ class Faults(FilesInput):
     faults: tuple[Fault, ...]
     model: GroundMotionTable | None
 
+    def files_read(self) -> tuple[Path, ...]:
+        return self.files
+
     def digests(self) -> dict[str, str]:
         return digests_of(self.files)
 

@@ -123,6 +123,9 @@ class Others(Input):
     compared: tuple[Other, ...]
     earlier: tuple[Other, ...]
 
+    def files_read(self) -> tuple[Path, ...]:
+        return tuple(one.path for one in self.rocks if isinstance(one, Archived))
+
     def digests_as_read(self) -> dict[str, str]:
         """The same, of archives as they were when they were found."""
         archives = (one for one in self.rocks if isinstance(one, Archived))

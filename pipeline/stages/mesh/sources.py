@@ -67,6 +67,9 @@ class Source(FilesInput):
         """What to call it in a message."""
         return shown(self.path) if self.path else "surrogate"
 
+    def files_read(self) -> tuple[Path, ...]:
+        return () if self.path is None else (self.path,)
+
     def digests(self) -> dict[str, str]:
         """Digest of the scan, by its name."""
         if self.path is None:
@@ -91,6 +94,9 @@ class GroundFile(FilesInput):
     def name(self) -> str:
         """What to call it in a message."""
         return shown(self.path) if self.path else self.fallback
+
+    def files_read(self) -> tuple[Path, ...]:
+        return () if self.path is None else (self.path,)
 
     def digests(self) -> dict[str, str]:
         """Digest of the file."""

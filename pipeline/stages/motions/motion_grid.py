@@ -267,6 +267,9 @@ class MotionFiles(FilesInput):
     records: tuple[Ready, ...] = ()
     tables: table_motions.Loaded | None = None
 
+    def files_read(self) -> tuple[Path, ...]:
+        return self.paths
+
     def digests(self) -> dict[str, str]:
         return keys.digests_of(self.paths)
 

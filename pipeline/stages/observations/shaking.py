@@ -56,6 +56,9 @@ class ShakenBy(FilesInput):
     file: str
     before: dict[str, str]
 
+    def files_read(self) -> tuple[Path, ...]:
+        return tuple(path for _, path, _ in self.tests)
+
     def digests(self) -> dict[str, str]:
         return _digests(self.tests)
 

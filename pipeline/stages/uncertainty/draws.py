@@ -238,6 +238,9 @@ class Replica(FilesInput):
     file: str
     before: dict[str, str] = field(default_factory=dict)
 
+    def files_read(self) -> tuple[Path, ...]:
+        return (self.path,)
+
     def digests(self) -> dict[str, str]:
         """Digest of the file, by its name."""
         return {self.path.name: digest_file(self.path)}

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import trimesh
 import yaml
+from conftest import BOX, STEP
+from support import record_files
 
-from pipeline import cli
+from pipeline import ROOT, cli
 from pipeline.config.layers import load_site
 from pipeline.workflow.site_folder import stale
 from pipeline.workflow.store import Store
@@ -32,6 +37,47 @@ def test_every_setting_is_beside_the_products_after_any_command(
         assert vsr("run", "rock", "--site", site, *command).code == 0
         settings = load_site(site, None, command[1:]).config.model_dump(mode="json")
         assert settings_in(derived / "rock") == settings
+
+
+OWN = {
+    "the site": "run rock --site rocks/boulder/boulder.yaml",
+    "the site, of a variant": "run rock --site rocks/boulder/boulder.yaml --name rough",
+    "the site, planned": "plan rock --site rocks/boulder/boulder.yaml",
+    "the site, swept": "run fragility --site rocks/boulder/boulder.yaml --study friction",
+    "the site, of a table": "feasible --site rocks/boulder/boulder.yaml",
+    "a scan": "run rock --site boulder.yaml --set rock.shape=mesh "
+    "--set rock.mesh=rocks/boulder/a.ply",
+    "a record": "run fragility --site boulder.yaml --set motion.files=rocks/boulder/motions.csv",
+    "a record, swept": "run fragility --site boulder.yaml --study rocks/two.yaml --set "
+    "motion.files=rocks/boulder/motions.csv",
+    "curves": "run hazard --site boulder.yaml --age 900 --curves rocks/boulder/curves",
+    "an archive": "archive rocks/archives/archive/archive.csv",
+}
+
+
+@pytest.mark.parametrize("case", OWN)
+def test_no_result_goes_to_where_ones_own_files_are_read(
+    case: str, vsr: Vsr, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder a rock, and rocks given as the folder of results."""
+    monkeypatch.chdir(tmp_path)
+    record = "kind: record, pga: [0.3], processing: {order: none, highpass: null, lowpass: null}"
+    for place in ("rocks/boulder", "."):
+        Path(place).mkdir(parents=True, exist_ok=True)
+        text = f"{BOX}{STEP}" + f"motion: {{{record}}}\n" * (case.startswith("a record"))
+        Path(place, "boulder.yaml").write_text(text)
+    Path("rocks/two.yaml").write_text("sweep: {dense: {rock.density: [2000, 3000]}}\n")
+    trimesh.creation.box().export("rocks/boulder/a.ply")
+    wave = 3.0 * np.cos(np.linspace(0.0, 2.0 * np.pi, 401))
+    Path("rocks/boulder/motions.csv").write_text(record_files.csv(wave, 0.005))
+    shutil.copytree(ROOT / "data" / "raw" / "hazard" / "made_up", "rocks/boulder/curves")
+    Path("rocks/archives/archive").mkdir(parents=True)
+    Path("rocks/archives/archive/archive.csv").write_text("name,alpha_1_deg,r_1_m\nA,12,1\n")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    ran = vsr(*OWN[case].split(), into=Path("rocks"))
+    assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1), ran
+    assert ", which is read; it holds results and no input; move that, or" in ran.err
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
 @pytest.mark.parametrize("again", [(), OTHER])
