@@ -293,6 +293,6 @@ def test_table_motion_is_one_of_a_table(
 ) -> None:
     there = way * np.sin(np.pi * TIMES / TIMES[-1]) ** 4
     path = tmp_path / "table.csv"
-    path.write_text(rows((time * TIMES).tolist(), there.tolist(), "time,x"))
+    path.write_text(rows((time * TIMES).tolist(), there.tolist(), "time [s],x [m]"))
     with pytest.raises(InvalidInput, match=words):
         read_table(path)

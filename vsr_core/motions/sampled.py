@@ -128,7 +128,7 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
     tilt = float(np.abs(samples[:, 3:5]).max())
     if tilt > 0.5 * math.pi:
         given, rule = f"roll or pitch of {tilt:.4g} rad", "no table tilts beyond the vertical"
-        raise InvalidInput(given, rule, "name the unit, e.g. roll [degree]")
+        raise InvalidInput(given, rule, "correct the unit, e.g. roll [degree]")
     _check_ends(time, samples)
     return SampledMotion(np.asarray(time, float), samples)
 
@@ -138,12 +138,12 @@ def _check_magnitudes(steps: Array, samples: Array) -> None:
     if not (steps.min() >= SHORTEST_STEP and steps.max() <= LONGEST_STEP):
         given = f"time steps of {steps.min():.3g} to {steps.max():.3g} s"
         rule = f"they are from {SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
-        raise InvalidInput(given, rule, "name the unit, e.g. time [ms]")
+        raise InvalidInput(given, rule, "correct the unit, e.g. time [ms]")
     travel = float(np.abs(samples).max())
     if travel > FARTHEST or 0.0 < travel < NEAREST:
         given = f"a table that moves {travel:.3g} m or rad from its zero"
         rule = f"it moves between {NEAREST:g} and {FARTHEST:g}"
-        raise InvalidInput(given, rule, "name the unit, e.g. x [mm]")
+        raise InvalidInput(given, rule, "correct the unit, e.g. x [mm]")
 
 
 def _check_ends(time: Array, samples: Array) -> None:

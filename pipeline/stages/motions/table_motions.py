@@ -155,11 +155,11 @@ def _check_names(file: str, columns: Columns, known: tuple[str, ...]) -> None:
 
 
 def _scaled(column: Column, units: dict[str, float]) -> Array:
-    unit = ALIASES.get(column.unit or "", column.unit)
-    if unit is None:
-        return column.values
+    name, rule = column.name, f"its unit is {', '.join(units)}"
+    if column.unit is None:
+        remedy = f"state it: {name} [{next(iter(units))}], or the attribute units in NetCDF"
+        raise InvalidInput(f"{name} without a unit", rule, remedy)
+    unit = ALIASES.get(column.unit, column.unit)
     if unit not in units:
-        raise InvalidInput(
-            f"{column.name} in {unit!r}", f"its unit is {', '.join(units)}", "convert it"
-        )
+        raise InvalidInput(f"{name} in {unit!r}", rule, "convert it")
     return units[unit] * column.values

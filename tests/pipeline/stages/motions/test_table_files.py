@@ -34,7 +34,7 @@ def write(path: Path, head: str, *columns: np.ndarray) -> Path:
 
 
 def test_a_table_in_other_units_and_another_order(tmp_path: Path) -> None:
-    head = "yaw [rad], pitch [deg], time [ms], x [mm], z [m], y, roll"
+    head = "yaw [rad], pitch [deg], time [ms], x [mm], z [m], y [m], roll [rad]"
     columns = (
         SIZES["yaw"] * SWELL,
         np.degrees(SIZES["pitch"] * SWELL),
@@ -61,7 +61,7 @@ def test_netcdf_and_csv_are_the_same_motion(tmp_path: Path) -> None:
     data.to_netcdf(tmp_path / "table.nc")
     one = load(tmp_path / "table.nc")
     columns = (TIME, SIZES["x"] * SWELL, SIZES["roll"] * SWELL)
-    other = load(write(tmp_path / "table.csv", "time,x,roll", *columns))
+    other = load(write(tmp_path / "table.csv", "time [s],x [m],roll [rad]", *columns))
     np.testing.assert_allclose(one.samples, other.samples, atol=1e-15)
     assert one.turns
     assert not one.samples[:, [1, 2, 4, 5]].any()
@@ -82,15 +82,18 @@ def test_without_an_angle_it_does_not_turn(tmp_path: Path) -> None:
         ("x,y", (SWELL, SWELL), "without time"),
         ("time", (TIME,), "without an axis"),
         ("time,x,x", (TIME, SWELL, SWELL), "twice"),
-        ("time,x [inch]", (TIME, SWELL), "x in 'inch'.*m, cm, mm"),
-        ("time,roll [m]", (TIME, SWELL), "roll in 'm'.*degree"),
+        ("time,x [m]", (TIME, SWELL), "time without a unit.*s, ms"),
+        ("time [s],x", (TIME, SWELL), r"x without a unit.*m, cm, mm.*x \[m\]"),
+        ("time [s],x [m],pitch", (TIME, SWELL, SWELL), "pitch without a unit.*rad, degree"),
+        ("time [s],x [inch]", (TIME, SWELL), "x in 'inch'.*m, cm, mm"),
+        ("time [s],roll [m]", (TIME, SWELL), "roll in 'm'.*degree"),
         ("time,x", (TIME, SWELL, SWELL), "3 values in row 2"),
-        ("time,pitch", (TIME, 30.0 * SWELL), r"rad.*roll \[degree\]"),
-        ("time,x", (TIME[::-1], SWELL), "times ascend"),
-        ("time,x", (TIME[KEPT], SWELL[KEPT]), "20 times left out, after 0.725 s.*25 ms"),
-        ("time,x", (TIME + 0.007 * (TIME == 1.5), SWELL), "28% of a step of 25 ms"),
-        ("time,x", (TIME, np.where(SWELL > 0.99, np.nan, SWELL)), "not numbers"),
-        ("time,y", (TIME, TIME), "y moving at 1 a second"),
+        ("time [s],pitch [rad]", (TIME, 30.0 * SWELL), r"rad.*roll \[degree\]"),
+        ("time [s],x [m]", (TIME[::-1], SWELL), "times ascend"),
+        ("time [s],x [m]", (TIME[KEPT], SWELL[KEPT]), "20 times left out, after 0.725 s.*25 ms"),
+        ("time [s],x [m]", (TIME + 0.007 * (TIME == 1.5), SWELL), "28% of a step of 25 ms"),
+        ("time [s],x [m]", (TIME, np.where(SWELL > 0.99, np.nan, SWELL)), "not numbers"),
+        ("time [s],y [m]", (TIME, TIME), "y moving at 1 a second"),
     ],
 )
 def test_files_that_are_no_motion(
@@ -127,8 +130,10 @@ motion: {kind: table, files: [tilting.csv, shaking.csv], pga: [0.1, 1.2]}
 @pytest.fixture
 def site(tmp_path: Path, write_site: Callable[..., str]) -> str:
     wave = 0.2 * SWELL * np.sin(8.0 * TIME)
-    write(tmp_path / "shaking.csv", "time,x,y,z", TIME, wave, -0.5 * wave, 0.2 * wave)
-    write(tmp_path / "tilting.csv", "time,x,pitch [degree]", TIME, 0.3 * wave, 40.0 * wave)
+    write(
+        tmp_path / "shaking.csv", "time [s],x [m],y [m],z [m]", TIME, wave, -0.5 * wave, 0.2 * wave
+    )
+    write(tmp_path / "tilting.csv", "time [s],x [m],pitch [degree]", TIME, 0.3 * wave, 40.0 * wave)
     return write_site(SITE)
 
 
@@ -165,7 +170,7 @@ def test_another_file_is_another_motion(
     """Its runs are done again, and no others."""
     assert vsr("run", "responses", "--site", site, "--workers", "0").code == 0
     wave = 0.2 * SWELL * np.sin(8.0 * TIME)
-    write(tmp_path / "shaking.csv", "time,x,y", TIME, wave, -0.4 * wave)
+    write(tmp_path / "shaking.csv", "time [s],x [m],y [m]", TIME, wave, -0.4 * wave)
     assert "shaking.csv edited" in vsr("why", "responses", "--site", site).out
     assert "2 runs done" in vsr("run", "responses", "--site", site, "--workers", "0").err
 
@@ -189,6 +194,6 @@ def test_what_a_table_cannot_do(
 def test_a_file_that_is_no_motion_is_refused_with_its_name(
     site: str, refused: Callable[..., str], tmp_path: Path
 ) -> None:
-    write(tmp_path / "shaking.csv", "time,x", TIME, TIME)
+    write(tmp_path / "shaking.csv", "time [s],x [m]", TIME, TIME)
     words = ("motion.files", "shaking.csv", "x moving", "start and end at rest")
     refused("plan", "--site", site, words=words)
