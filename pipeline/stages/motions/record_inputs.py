@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from itertools import pairwise
+from itertools import combinations
 from pathlib import Path
 from typing import TypeVar
 
@@ -151,7 +151,7 @@ def _loaded(
 
 def refuse_copies(file: str, key: str, ready: list[Ready]) -> None:
     """Refuse one motion under two names."""
-    for one, other in pairwise(ready):
+    for one, other in combinations(ready, 2):
         if _same(one, other):
             given = f"{one.file} and {other.file}, which are one motion at two scales"
             rule = "each record is scaled to every PGA"

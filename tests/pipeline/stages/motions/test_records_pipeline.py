@@ -324,6 +324,9 @@ BAD = {
         PATHS, "high-pass at 0.01 Hz", "motion.processing.highpass",
     ),
     "two scales": (f"files: [good.csv, other.csv], {NONE}", PATHS, "one motion at two scales"),
+    "two scales about a mirror image": (
+        f"files: [good.csv, mirror.csv, other.csv], {NONE}", PATHS, "one motion at two scales",
+    ),
     "no response": (
         f"files: good.csv, response: {{file: x.xml, corners: [0.1, 0.2, 20, 30]}}, {NONE}",
         "motion.response.file", "x.xml", "not found",
@@ -363,6 +366,7 @@ def test_bad_input_is_one_line(case: str, tmp_path: Path, refused: Refused) -> N
     a = np.array([float(line.split(",")[1]) for line in good.splitlines()[1:]])
     step = CosinePulse.from_g(0.3, 0.3).duration / 600
     (tmp_path / "other.csv").write_text(files.csv(2.0 * a, step, "a [m/s2]"))
+    (tmp_path / "mirror.csv").write_text(files.csv(-a, step, "a [m/s2]"))
     (tmp_path / "clipped.csv").write_text(files.csv(np.minimum(a, 2.0), step, "a [m/s2]"))
     (tmp_path / "drift.csv").write_text(files.csv(a + 0.2, step, "a [m/s2]"))
     if case == "wrong unit":
