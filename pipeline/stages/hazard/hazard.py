@@ -253,7 +253,7 @@ def _shaking(hazard: xr.Dataset, tested: tuple[float, float]) -> dict[str, Any]:
     return {
         "rate": rate,
         "toppling_pga": quantiles.tolist(),
-        "untested": float(by_pga[starts >= tested[1]].sum() / rate) if rate > 0.0 else 0.0,
+        "untested": float(by_pga[starts >= tested[1]].sum() / rate) if rate > 0.0 else math.nan,
         "first_level": float(hazard["pga"][0]),
         "last_level": float(hazard["pga"][-1]),
         "at_first": hazard["probability_at_first_level"].item(),
