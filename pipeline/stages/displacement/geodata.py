@@ -17,6 +17,7 @@ from pipeline.config.scene_schema import Georeference
 from pipeline.stages.datasets.displaced_runs import STOPS
 from pipeline.stages.datasets.displacement_dataset import Displacement
 from pipeline.stages.mesh.products import TerrainData
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Product, Work
 from pipeline.workflow.writers import Writer
 from vsr_core.arrays import Array
@@ -71,13 +72,15 @@ def make(work: Work, runs: Displacement, ground: TerrainData, place: Georeferenc
     displacement = runs.data
     origin = np.add(place.origin, ground.data.attrs["origin_in_scan"])
     where = _where(work.origin, place.crs, origin)
-    ends, paths = layers(displacement, origin)
+    ends, paths = layers(displacement, origin, ground.data["start_position"])
     files = {
         PACKAGE: _written("GPKG", {"end_positions": ends, "trajectories": paths}, place.crs),
         ENDS: _written("GeoJSON", {"end_positions": ends}, place.crs),
         PATHS: _written("GeoJSON", {"trajectories": paths}, place.crs),
     }
-    return Product(files, f"{len(ends[0])} end positions in {place.crs}, {where}")
+    unknown = displacement.sizes["run"] - len(ends[0])
+    left_out = f"; {counted(unknown, 'unresolved run')} without one" if unknown else ""
+    return Product(files, f"{len(ends[0])} end positions in {place.crs}, {where}{left_out}")
 
 
 BEYOND = 3.0
@@ -122,27 +125,31 @@ def _where(site: Origin, crs: str, origin: Array) -> str:
     return where
 
 
-def layers(displacement: xr.Dataset, origin: Array) -> tuple[Layer, Layer]:
-    """Points at which runs ended, and lines along which the centre of mass went.
+def layers(displacement: xr.Dataset, origin: Array, starts: xr.DataArray) -> tuple[Layer, Layer]:
+    """Points at which the centre of mass ended, and lines along which it went.
 
     Parameters
     ----------
     origin : ndarray, shape (3,) [m], of the site's frame in the coordinate reference system
+    starts : DataArray, dimensions friction and xyz [m]
+        Centre of mass of the rock at rest, in the site's frame.
 
     Returns
     -------
     tuple of two layers
-        A run that never left its start has an end, and no path.
+        A run that never left its start has an end, and no path. Of an unresolved run nobody knows
+        where it ends.
     """
     size = displacement["row_size"].values
     runs = displacement.assign(number=("run", np.arange(len(size), dtype=np.int32)))
     place = origin + np.column_stack([displacement[name].values.astype(float) for name in "xyz"])
-    ends = np.tile(origin.astype(float), (len(size), 1))
+    known = displacement["stop_reason"].values != StopReason.UNDONE
+    ends = origin + starts.sel(friction=displacement["friction"].values).values
     ends[size > 0] = place[np.cumsum(size)[size > 0] - 1]
     long = size > 1
     run = np.repeat(np.cumsum(long) - 1, size)[np.repeat(long, size)]
     lines = shapely.linestrings(place[np.repeat(long, size)], indices=run)
-    return (shapely.points(ends), runs), (lines, runs.isel(run=long))
+    return (shapely.points(ends[known]), runs.isel(run=known)), (lines, runs.isel(run=long))
 
 
 def attributes(runs: xr.Dataset) -> dict[str, NDArray[Any]]:
