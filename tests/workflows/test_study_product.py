@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 import xarray as xr
 from conftest import Ran
 from matplotlib.figure import Figure
@@ -201,8 +202,9 @@ def test_similar_rocks_topple_alike(study: Study) -> None:
 
 
 def test_motions_of_several_kinds_stand_side_by_side(study: Study) -> None:
+    """What only records have is told."""
     records = Path(__file__).parents[2] / "data" / "raw" / "records"
-    study.run(f"""
+    ran = study.run(f"""
 yaw: 0
 sweep:
   shape:
@@ -213,6 +215,12 @@ sweep:
           processing: {{order: standard, highpass: 0.1, lowpass: 25}}}}
 """)
     data = study.data()
+    (told,) = (line for line in ran.err.splitlines() if "as some members have none: " in line)
+    named = set(told.partition("none: ")[2].split(", "))
+    files = ("responses", "fragility")
+    made = [path for path in study.made.rglob("*.nc") if path.stem in files]
+    held = set().union(*(xr.load_dataset(path).variables for path in made))
+    assert named - {"record_pgv_pga"} == held - set(data.variables) - {"record"}
     assert data["shape"].values.tolist() == ["cosine_pulse", "ricker_pulse", "record"]
     ran = (data["outcome"] >= 0).any(["yaw", "friction", "pga"])
     pulses = ran.sel(shape="cosine_pulse")
@@ -320,6 +328,21 @@ def test_any_product_can_be_swept(study: Study) -> None:
     data = study.data()
     assert data["tipping_pga"].dims == ("size", "direction")
     np.testing.assert_allclose(data["tipping_pga"].sel(direction=0), [0.25, 0.5 / 3.0])
+
+
+def test_what_differs_in_length_between_members_is_told(study: Study) -> None:
+    for name, sections in (("post", 8), ("can", 40)):
+        trimesh.creation.cylinder(0.3, 2.0, sections).export(study.folder / f"{name}.ply")
+    Path(study.site).write_text("rock: {shape: mesh, mesh: post.ply, density: 2110}\n")
+    (study.folder / "study.yaml").write_text("sweep: {form: {rock.mesh: [post.ply, can.ply]}}\n")
+    ran = study.vsr("run", "rock", *study.line(), "--workers", "0")
+    assert ran.code == 0, ran.err
+    (told,) = (line for line in ran.err.splitlines() if "as members differ in length: " in line)
+    named = set(re.split(", | and ", told.partition("what lies along ")[2]))
+    post, can = (xr.load_dataset(path).sizes for path in study.made.rglob("rock.nc"))
+    assert "face" in named
+    assert named == {name for name in post if post[name] != can[name]}
+    assert not named & set(study.data().dims)
 
 
 def test_no_member_runs_where_one_cannot(study: Study) -> None:

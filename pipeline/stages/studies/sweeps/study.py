@@ -137,14 +137,20 @@ def stacked(swept: Swept, work: Work) -> xr.Dataset:
     -------
     Dataset
         What the product of each member holds, along the dimensions of the sweep; rows of one
-        member that others do not have are filled.
+        member that others do not have are filled. Variables that only some members have, and
+        those along other dimensions of several lengths, are left out, and told.
     """
     sweep = swept.sweep
     parts = [_member(swept, member.place) for member in sweep.members]
     parts = _by_record(swept, parts)
-    common = set.intersection(*(set(part.data_vars) for part in parts))
+    held = [{str(name) for name in part.data_vars} for part in parts]
+    common = set.intersection(*held)
+    if lost := sorted(set.union(*held) - common):
+        work.log(f"{work.stage}: not in {DATA}, as some members have none: {', '.join(lost)}")
     parts = [part[[name for name in part.data_vars if name in common]] for part in parts]
-    ragged = _ragged(parts)
+    if ragged := _ragged(parts):
+        why = f"as members differ in length: what lies along {listed(ragged)}"
+        work.log(f"{work.stage}: not in {DATA}, {why}")
     parts = [part.drop_dims(ragged) for part in parts]
     names = set[Any]().union(*(part.variables.keys() | part.dims for part in parts))
     if wrong := [one.name for one in sweep.parted if one.name in names]:
