@@ -106,7 +106,11 @@ class Comparison(Section):
     name: str = Field(
         pattern=r"^[A-Za-z0-9][A-Za-z0-9 .,()_-]{0,60}$", description="label, e.g. friction 0.4"
     )
-    study: str | None = Field(None, description="study, by name or by the path of its YAML")
+    study: str | None = Field(
+        None,
+        description="study over that of the command, by name or by the path of its YAML, relative "
+        "to the file that names it",
+    )
     set: Annotated[tuple[str, ...], Lax] = Field((), description="settings, each key=value")
 
 

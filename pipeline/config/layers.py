@@ -120,9 +120,11 @@ def known(folder: Path = SITES) -> list[str]:
     return sorted(path.stem for path in folder.glob("*.yaml"))
 
 
-def load_site(site: str, study: str | None = None, settings: tuple[str, ...] = ()) -> Site:
-    """Merge base, site, study and ``key=value`` settings, later ones over earlier ones."""
-    layers = read_layers(site, study, settings)
+def load_site(
+    site: str, study: str | None = None, settings: tuple[str, ...] = (), over: str | None = None
+) -> Site:
+    """Merge base, site, study, one over it, and ``key=value`` settings, later over earlier ones."""
+    layers = read_layers(site, study, settings, over)
     if layers.sweep is not None:
         rule, remedy = "this command takes no sweep", "leave out the study, or its sweep"
         raise InputError(Problem(layers.files[-1][0], "sweep", "", rule, remedy))
@@ -135,7 +137,7 @@ class Layers:
 
     Attributes
     ----------
-    files : of base, site and study, each the file as a reader would write it, and its content
+    files : of base, site and studies, each the file as a reader would write it, and its content
     """
 
     path: Path
@@ -194,12 +196,15 @@ class Layers:
         return merged, origin
 
 
-def read_layers(site: str, study: str | None, settings: tuple[str, ...]) -> Layers:
-    """Read base, site and study, and ``key=value`` settings."""
+def read_layers(
+    site: str, study: str | None, settings: tuple[str, ...], over: str | None = None
+) -> Layers:
+    """Read base, site, study and one over it, and ``key=value`` settings."""
     path = _find(site, SITES, "site")
-    paths = [BASE, path, *(() if study is None else [_find(study, STUDIES, "study")])]
+    studies = [_find(one, STUDIES, "study") for one in (study, over) if one is not None]
+    paths = [BASE, path, *studies]
     files = tuple((shown(file), _read(file)) for file in paths)
-    sweep = files[-1][1].pop("sweep", None) if study is not None else None
+    sweep = files[-1][1].pop("sweep", None) if studies else None
     parents = {shown(file): file.parent for file in paths}
     given = tuple(map(_setting, one_by_one(settings)))
     return Layers(path, Request(site, study, settings), files, parents, given, sweep)

@@ -877,6 +877,26 @@ def test_a_comparison_that_changes_no_fragility_is_refused(
         refused("run", "hazard", "--site", site, "--set", compare, words=words)
 
 
+def test_a_study_that_is_compared_lies_beside_who_names_it_and_over_that_of_the_command(
+    write_site: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another of its name lies in the current folder."""
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "mine.yaml").write_text("contact: {friction: 0.9}\n")
+    (tmp_path / "mine.yaml").write_text("contact: {friction: 0.3}\n")
+    (tmp_path / "given.yaml").write_text(
+        "contact: {friction: 0.7, restitution: 0.2}\nhazard: {minimum_survival_probability: 0.1}\n"
+    )
+    age = "age: {kind: normal, mean: 4000, source: none}"
+    site = write_site(f"{BOX}{GRID}hazard: {{{age}, compare: [{{name: a, study: mine.yaml}}]}}\n")
+    monkeypatch.chdir(tmp_path / "here")
+    own = load_site(site, str(tmp_path / "given.yaml"))
+    (compared,) = other_rocks.find(own.config.hazard, own.origin).compared
+    contact = compared.site.config.contact
+    assert (contact.friction, contact.restitution) == ((0.3,), 0.2)
+    assert own.config.contact.friction == (0.7,)
+
+
 def test_stages_of_a_rock_keep_their_settings_but_not_those_of_the_hazard(
     refused: Callable[..., str],
     vsr: Callable[..., Ran],

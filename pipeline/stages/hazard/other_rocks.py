@@ -185,7 +185,8 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
     compared = []
     for one in hazard.compare:
         try:
-            site = load_site(file, one.study or study, (*settings, *one.set))
+            over = one.study and _named(one.study, origin, "hazard.compare")
+            site = load_site(file, study, (*settings, *one.set), over)
             check_peaks(site)
         except InputError as error:
             raise _of_comparison(origin, one.name, error) from None
@@ -197,7 +198,8 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
 def _check_comparison(origin: Origin, one: Comparison, site: Site) -> None:
     """Refuse a comparison by what is no part of a rock's fragility."""
     keys = [setting.partition("=")[0].strip() for setting in one_by_one(one.set)]
-    keys += sorted(_set_by_study(site)) if one.study else []
+    mine = {key: place for key, place in site.places.items() if origin.places.get(key) != place}
+    keys += sorted(_set_by_study(replace(site, places=mine)))
     others = [key for key in keys if key.partition(".")[0] in _NOT_COMPARED]
     if others:
         place, rule = "hazard.compare", "a comparison is of another fragility of the rock"
@@ -270,11 +272,14 @@ def _stages(history: History, age: Age | None, origin: Origin, drawn: bool) -> t
 
 def _of_site(name: str, origin: Origin, key: str, drawn: bool) -> Other:
     """A rock by the site that a key names, by its draws or as scanned."""
-    if name.endswith((".yaml", ".yml")):
-        name = str(origin.folder_of(key) / name)
-    site = load_site(name)
+    site = load_site(_named(name, origin, key))
     check_peaks(site)
     return Other(site.name, site, "..", drawn and site.config.uncertain)
+
+
+def _named(name: str, origin: Origin, key: str) -> str:
+    """A shipped file by its name, another by its path from the file that names it."""
+    return str(origin.folder_of(key) / name) if name.endswith((".yaml", ".yml")) else name
 
 
 def folder_of(name: str) -> str:
