@@ -18,6 +18,7 @@ from support.dask_processes import Farm
 from pipeline import ROOT, cli
 from pipeline.workflow.rows import Layout, RunRow
 from pipeline.workflow.run_store import RUNS
+from vsr_core.outcome import Outcome
 
 SITE = """
 rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}
@@ -171,6 +172,25 @@ def test_a_run_with_two_results_is_refused(
     assert "1 run with other results than in" in ran.err
     (folder,) = (path.parent for path in together.glob(f"*/{RUNS}"))
     assert count(folder) == 0
+
+
+def test_crashed_runs_are_told_and_not_taken(
+    vsr: Vsr, site: str, shards: list[Path], tmp_path: Path
+) -> None:
+    layout, there = Layout(RunRow), count(shards[0])
+    with closing(sqlite3.connect(shards[0] / RUNS)) as database:
+        for kept in database.execute("SELECT * FROM runs LIMIT 3").fetchall():
+            row = layout.unsealed(kept)
+            assert row is not None
+            crashed = layout.sealed(RunRow(row.key, Outcome.CRASHED))
+            places = ", ".join("?" * layout.width)
+            database.execute(f"REPLACE INTO runs VALUES ({places})", crashed)
+        database.commit()
+    into = tmp_path / "together"
+    ran = joined(vsr, site, shards[:1], into)
+    assert ran.out == f"{shards[0]}: {there - 3} runs; 3 crashed, not taken\n"
+    (folder,) = (path.parent for path in into.glob(f"*/{RUNS}"))
+    assert count(folder) == there - 3
 
 
 def test_what_cannot_be_joined_is_refused(

@@ -52,22 +52,25 @@ def make(job: Job, folders: Sequence[Path]) -> list[str]:
         theirs = [[opened.enter_context(closing(RunStore(folder, kind, reads=True)))
                    for kind in KINDS] for folder in folders]  # fmt: skip
         places = (job.store.runs, *folders)
-        counts = [0] * len(folders)
+        counts, crashed = [0] * len(folders), [0] * len(folders)
         for n, stores in enumerate(theirs):
             for kind, store in enumerate(stores):
                 before = [own[kind], *(others[kind] for others in theirs[:n])]
                 for rows in parts(_of(store, scenes)):
-                    line = KINDS[kind] is LineRow
-                    counts[n] += len(rows) * (len(study.motions.pga) if line else 1)
+                    runs = len(study.motions.pga) if KINDS[kind] is LineRow else 1
+                    lost = sum(row.outcome == Outcome.CRASHED for row in rows)
+                    counts[n] += runs * (len(rows) - lost)
+                    crashed[n] += runs * lost
                     for place, other in zip(places, before, strict=False):
                         _require_same(rows, other, folders[n], place)
-            _require_some(counts[n], folders[n], job)
+            _require_some(counts[n] + crashed[n], folders[n], job)
         for stores in theirs:
             for mine, store in zip(own, stores, strict=True):
                 for rows in parts(_of(store, scenes)):
                     mine.add(row for row in rows if row.outcome != Outcome.CRASHED)
     return [
-        f"{folder}: {counted(count, 'run')}" for folder, count in zip(folders, counts, strict=True)
+        f"{folder}: {counted(count, 'run')}" + (f"; {lost} crashed, not taken" if lost else "")
+        for folder, count, lost in zip(folders, counts, crashed, strict=True)
     ]
 
 
