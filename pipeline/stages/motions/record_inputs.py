@@ -23,7 +23,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.records import formats
 from vsr_core.motions.records.components import Components
 from vsr_core.motions.records.directions import check_directions, doubts
-from vsr_core.motions.records.formats import SUFFIXES
+from vsr_core.motions.records.formats import COMPONENTS, SUFFIXES
 from vsr_core.motions.records.processing import process
 from vsr_core.motions.records.record import Record, check_rest, repaired
 from vsr_core.motions.records.trace import Measures, Trace, measures
@@ -81,8 +81,17 @@ def find(origin: Origin, files: tuple[str, ...]) -> list[Path]:
             raise _problem(origin, f"{shown(path)}, a folder without records", rule, remedy)
         found += inside if path.is_dir() else [path]
     each(origin.file_of(_FILES), _FILES, found, check_file)
-    refuse_twice(origin.file_of(_FILES), _FILES, [path.stem for path in found])
+    refuse_twice(origin.file_of(_FILES), _FILES, list(map(name_of, found)))
     return found
+
+
+def name_of(path: Path) -> str:
+    """What the motion in a file is called: with the ending where that is its component's.
+
+    >>> name_of(Path("mine/RSN316.AT2")), name_of(Path("AKT0011809060308.EW"))
+    ('RSN316', 'AKT0011809060308.EW')
+    """
+    return path.name if path.suffix.lower() in COMPONENTS else path.stem
 
 
 def unread(origin: Origin, files: tuple[str, ...]) -> Iterator[str]:
@@ -168,7 +177,7 @@ def _ready(path: Path, content: str, response: bytes | None, motion: RecordConfi
     check_directions({"x": record})
     trace, doubtful = processed(record, motion), tuple(doubts({"x": record}))
     own = identity(content, record)
-    return Ready(path.stem, shown(path), own, record, trace, measures(trace), doubts=doubtful)
+    return Ready(name_of(path), shown(path), own, record, trace, measures(trace), doubts=doubtful)
 
 
 def identity(content: str, record: Record) -> str:

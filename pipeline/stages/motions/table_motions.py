@@ -29,7 +29,7 @@ def of_files(origin: Origin, paths: list[Path]) -> Loaded:
     """The motions in files of a site."""
     file, key = origin.file_of("motion.files"), "motion.files"
     motions = record_inputs.each(file, key, paths, lambda path: _moving(load(path)))
-    found = dict(zip((path.stem for path in paths), motions, strict=True))
+    found = dict(zip(map(record_inputs.name_of, paths), motions, strict=True))
     ratios = {name: one.peak_velocity / one.peak_acceleration for name, one in found.items()}
     names = tuple(sorted(found, key=lambda name: (ratios[name], name)))
     return names, tuple(found[name] for name in names), tuple(ratios[name] for name in names)

@@ -254,9 +254,12 @@ def _unreadable(error: Exception) -> InvalidInput:
     return InvalidInput(given, rule, "download it again, or convert it")
 
 
+COMPONENTS = (".ew", ".ns", ".ud", ".ew1", ".ns1", ".ud1", ".ew2", ".ns2", ".ud2")
+"""Endings by which the files of one record of K-NET and KiK-net differ."""
+
 SUFFIXES = (
     *(".at2", ".v2", ".cosmos", ".csv", ".txt", ".nc", ".mseed", ".miniseed", ".sac", ".knet"),
-    *(".ew", ".ns", ".ud", ".ew1", ".ns1", ".ud1", ".ew2", ".ns2", ".ud2"),
+    *COMPONENTS,
 )
 """Of the files that are taken from a folder of records."""
 

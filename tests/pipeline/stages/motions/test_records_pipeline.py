@@ -221,6 +221,19 @@ def test_the_vertical_one_in_a_folder_of_components_is_no_shaking_along_x(
     refused("run", "motions", "--site", where, words=words)
 
 
+def test_the_horizontal_files_of_a_station_are_two_records(tmp_path: Path, vsr: Vsr) -> None:
+    """As K-NET packs them: of one name, and endings that are their components."""
+    for name, direction, seed in (("NWC001.EW", "E-W", 1), ("NWC001.NS", "N-S", 2)):
+        text = files.knet(files.shaking(seed, 100.0, 10.0, 6.0, 0.3), 0.01, direction)
+        (tmp_path / name).write_text(text)
+    band = "processing: {order: standard, highpass: 0.1, lowpass: 25}"
+    where = site(tmp_path, f"files: [NWC001.EW, NWC001.NS], {band}, pga: [1]")
+    ran = vsr("run", "motions", "--site", where)
+    assert ran.code == 0, ran.err
+    records = product(tmp_path, "motions")["record"].values.tolist()
+    assert sorted(records) == ["NWC001.EW", "NWC001.NS"]
+
+
 def test_a_channel_that_may_be_vertical_is_told(tmp_path: Path, vsr: Vsr) -> None:
     """DN is a hole in the ground here, and a channel that points down elsewhere."""
     text = pulse_record(0.3)
