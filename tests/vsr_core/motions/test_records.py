@@ -252,11 +252,19 @@ def test_waveforms_keep_gaps_and_are_cut_to_common_times() -> None:
     np.testing.assert_allclose(japanese.acceleration, VALUES)
 
 
-def test_knet_states_accelerations_and_needs_no_response() -> None:
+@pytest.mark.parametrize("suffix", [".csv", ".AT2", ".v2", ".NS"])
+def test_what_states_accelerations_needs_no_response_and_a_line_tells_one(suffix: str) -> None:
     how = Reading(response=b"of other files", corners=(0.05, 0.1, 25.0, 35.0))
-    knet = files.knet(VALUES, STEP).encode()
-    with_it, alone = read(knet, ".NS", how), read(knet, ".NS", PLAIN)
+    text = {
+        ".csv": lambda: files.csv(VALUES, STEP),
+        ".AT2": lambda: files.at2(VALUES, STEP),
+        ".v2": lambda: files.cosmos((VALUES, 90), interval=STEP),
+        ".NS": lambda: files.knet(VALUES, STEP),
+    }[suffix]()
+    with_it, alone = read(text.encode(), suffix, how), read(text.encode(), suffix, PLAIN)
     np.testing.assert_array_equal(with_it.acceleration, alone.acceleration)
+    told = (*alone.repairs, "motion.response left alone, which is for miniSEED and SAC")
+    assert with_it.repairs == told
 
 
 def test_knet_by_obspy() -> None:

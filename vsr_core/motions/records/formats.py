@@ -296,14 +296,28 @@ def read(content: bytes, suffix: str, how: Reading) -> Record:
 
 
 def read_all(content: bytes, suffix: str, how: Reading) -> Record:
-    """The record of all channels in a file's content; parameters and refusals as of ``read``."""
+    """The record of all channels in a file's content; parameters and refusals as of ``read``.
+
+    Only miniSEED and SAC name the channel that a response is of; in other files it is left alone,
+    which is told among the repairs.
+    """
     suffix = suffix.lower()
+    kind = None if content.startswith(columns.MAGIC) else _waveform(content, suffix)
+    if kind not in (None, "KNET"):
+        return read_waveforms(content, kind, how.unit, how.response, how.corners)
+    record = _of_accelerations(content, suffix, kind, how)
+    if how.response is None:
+        return record
+    told = "motion.response left alone, which is for miniSEED and SAC"
+    return replace(record, repairs=(*record.repairs, told))
+
+
+def _of_accelerations(content: bytes, suffix: str, kind: str | None, how: Reading) -> Record:
+    """The record in a file of accelerations."""
+    if kind is not None:
+        return read_waveforms(content, kind, how.unit, None, None)
     if content.startswith(columns.MAGIC):
         return columns.read_netcdf(content, how.component, how.unit)
-    kind = _waveform(content, suffix)
-    if kind is not None:
-        response = None if kind == "KNET" else how.response  # it states accelerations
-        return read_waveforms(content, kind, how.unit, response, how.corners)
     if b"\0" in content[:512]:
         raise _unknown()
     text = _text(content)

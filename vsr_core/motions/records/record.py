@@ -120,7 +120,7 @@ def factor(unit: str) -> float:
     name = _plain(unit)
     if is_raw(unit):
         rule = "only the instrument's response makes an acceleration of it"
-        remedy = "give the response (motion.response), or convert the record to m/s2"
+        remedy = "give miniSEED or SAC with its response (motion.response), or convert it to m/s2"
         raise InvalidInput(f"a record in {unit}", rule, remedy)
     if name not in _KNOWN:
         raise InvalidInput(
