@@ -146,9 +146,9 @@ class Shown:
                 Problem("vsr.plot", ", ".join(sorted(map(str, differ))), "", rule, remedy)
             )
         if kind == "displacement":
-            terrain = read(folder / "terrain.nc")
+            terrain, rock = read(folder / "terrain.nc"), read(folder / "rock.nc")
             # as it is in the file: samples are of runs in that order
-            return trajectories(read(self._path), terrain, terrain.attrs.get("source", ""))
+            return trajectories(read(self._path), terrain, rock.attrs["shape_source"])
         if kind == "hazard":
             settings = json.loads(self._dataset.attrs["vsr_config_json"])["hazard"]
             return survival(self._dataset, settings["minimum_survival_probability"])

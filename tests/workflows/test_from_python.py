@@ -286,9 +286,14 @@ def test_what_a_dataset_does_not_have_is_refused() -> None:
 def test_a_part_of_a_displacement_or_a_branch_of_a_hazard_is_refused(tmp_path: Path) -> None:
     made = tumbling.displacement(runs=3, samples=20).assign_attrs(vsr_key="one")
     made.to_netcdf(tmp_path / "displacement.nc")
-    tumbling.terrain().to_netcdf(tmp_path / "terrain.nc")
+    tumbling.terrain().assign_attrs(source="a program").to_netcdf(tmp_path / "terrain.nc")
+    tumbling.rock().assign_attrs(shape_source="a surrogate").to_netcdf(tmp_path / "rock.nc")
     whole = xr.load_dataset(tmp_path / "displacement.nc")
-    assert len(whole.vsr.plot().axes) > 1
+    figure = whole.vsr.plot()
+    assert len(figure.axes) > 1
+    assert [text.get_text() for text in figure.texts if text.get_gid() == "source"] == [
+        "a surrogate"
+    ]
     for part in (whole.isel(run=[0, 1]), whole.isel(run=1), whole.isel(sample=slice(5))):
         with pytest.raises(vsr.InputError, match="the figure needs all runs and their samples"):
             part.vsr.plot()
