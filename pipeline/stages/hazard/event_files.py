@@ -81,6 +81,9 @@ def _loaded(path: Path, digests: tuple[str, ...], given: float | None) -> EventS
     )
     check_same(path, files(path), digests)
     unused = list(told.unused)
+    if zero := sum(not row.weight for row in weights):
+        lost = counted(int((known["branch"] < 0).sum()), "event")
+        unused.append(f"{counted(zero, 'realization')} of weight 0 left out, with {lost}")
     if weak := len(known["event_id"]) - len(at):
         unused.append(f"{counted(weak, 'event')} without a row of shaking, as too weak")
     if none := int((pga == 0.0).sum()):

@@ -147,6 +147,7 @@ def test_branches_without_weight_are_left_out_with_their_events(tmp_path: Path) 
     found = event_files.load(written(tmp_path, rea=weights), None)
     assert [one.name for one in found.model.branches] == ["1"]
     assert by_number(found.events) == [(0, 0, 0.1, 0.08), (0, 1, 0.4, 0.5)]
+    assert "1 realization of weight 0 left out, with 2 events" in found.model.unused
 
 
 @pytest.mark.parametrize(
