@@ -75,8 +75,9 @@ def test_outcomes_are_refused(folder: Path, refused: Refused, text: str) -> None
 
 
 def test_what_has_no_part_is_named(folder: Path) -> None:
-    rows = "1,0,1,a,0.2,0.3,0,1\n2,0,1,a,0.5,0.3,1,1\n3,0,0,a,0.5,0.3,1,1\n"
-    names = "test,date,has_record,ground_motion,pga_g,pgv_pga_s,specimen1,specimen9\n"
+    rows = "1,0,1,a,0.2,0.3,0,1,1,1\n2,0,1,a,0.5,0.3,1,1,0,1\n3,0,0,a,0.5,0.3,1,1,1,0\n"
+    names = "test,date,has_record,ground_motion,pga_g,pgv_pga_s,specimen1,specimen9,"
+    names += "dem_s1_kn10,dem_s9_kn10\n"
     (folder / OUTCOMES).write_text(names + rows)
     found = read_tests(folder)
     assert found.number == (1, 2)
@@ -84,6 +85,7 @@ def test_what_has_no_part_is_named(folder: Path) -> None:
         "1 row of outcomes.csv with has_record of 0 left out",
         "column date of outcomes.csv left out, as it says nothing here",
         "column specimen9 of outcomes.csv left out, as there is no scan of that specimen",
+        "column dem_s9_kn10 of outcomes.csv left out, as there is no scan of that specimen",
     )
 
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 OUTCOMES, ASSUMED = "outcomes.csv", "table.yaml"
 
-SCAN, SPECIMEN = re.compile(r"sp(\d{1,9})\.ply"), re.compile(r"specimen(\d{1,9})")
+SCAN, SPECIMEN = re.compile(r"sp(\d{1,9})\.ply"), re.compile(r"specimen(?P<specimen>\d{1,9})")
 
 ALIKE, ALONE = 3.0, 10.0
 """Factors within which peaks of records are the PGA of their tests: in the middle, and of each. A
@@ -226,7 +226,7 @@ def tests_in(folder: Path) -> Tests:
         published,
         specimens,
         assumptions(folder),
-        tuple(_unused(len(cells) - len(used), cells[0], specimens)),
+        tuple(_unused(len(cells) - len(used), cells[0], specimens, observed)),
     )
 
 
@@ -295,16 +295,25 @@ def _some(numbers: list[int]) -> str:
     return f"{counted(len(numbers), 'test')} of {RECORDS} ({named})"
 
 
-def _unused(without: int, names: Iterable[str], specimens: tuple[int, ...]) -> Iterator[str]:
+def _unused(
+    without: int,
+    names: Iterable[str],
+    specimens: tuple[int, ...],
+    observed: dict[int, tuple[int, ...]],
+) -> Iterator[str]:
     """What the table holds that has no part in the validation."""
     if without:
         yield f"{counted(without, 'row')} of {OUTCOMES} with has_record of 0 left out"
     for name in names:
-        match = SPECIMEN.fullmatch(name)
-        if match and int(match[1]) not in specimens:
-            yield f"column {name} of {OUTCOMES} left out, as there is no scan of that specimen"
-        elif not match and not PUBLISHED.fullmatch(name) and name not in TestRow.model_fields:
-            yield f"column {name} of {OUTCOMES} left out, as it says nothing here"
+        left_out = f"column {name} of {OUTCOMES} left out, as"
+        if match := SPECIMEN.fullmatch(name) or PUBLISHED.fullmatch(name):
+            specimen = int(match["specimen"])
+            if specimen not in specimens:
+                yield f"{left_out} there is no scan of that specimen"
+            elif max(observed.get(specimen, (-1,))) < 0:
+                yield f"{left_out} there is no outcome of that specimen"
+        elif name not in TestRow.model_fields:
+            yield f"{left_out} it says nothing here"
 
 
 def motions_of(folder: Path, known: tuple[str, ...] = ()) -> dict[int, GroundMotion]:
