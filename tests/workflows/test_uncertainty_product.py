@@ -85,6 +85,29 @@ def test_nothing_unknown_is_the_grid_itself(
     assert "draws" not in again.err.split("->")[0]
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "friction", "said"),
+    [
+        ("friction: 10", "friction: 0.1", "[0.1, 0.1]", "In no direction and under no motion do"),
+        ("friction: 10", "friction: 0.5", "[0.5, 0.5]", "(of the motions under which"),
+    ],
+)
+def test_a_width_is_of_motions_under_which_draws_topple(
+    vsr: Callable[..., Any],
+    write_site: Callable[..., str],
+    derived: Path,
+    old: str,
+    new: str,
+    friction: str,
+    said: str,
+) -> None:
+    site = write_site(SITE.replace(old, new))
+    ran = vsr("run", "uncertainty", "--site", site, *priors(members="2", friction=friction))
+    assert not np.isfinite(product(ran, derived)["boundary_high"].values).all()
+    page = (derived / "rock" / "uncertainty.html").read_text(encoding="utf-8")
+    assert f"{said} 95&nbsp;% of the draws topple" in page
+
+
 def test_a_gain_moves_the_boundary_of_housner(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],

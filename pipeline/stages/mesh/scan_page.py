@@ -113,8 +113,8 @@ def _top(prepared: Prepared) -> Array:
     return points[np.argmax(points[:, 2])] + prepared.origin
 
 
-def _place(point: Any) -> str:
-    return ", ".join(f"{value:.3f}" for value in point)
+def _place(point: Any, digits: int = 3) -> str:
+    return ", ".join(f"{value:.{digits}f}" for value in point)
 
 
 def _alternative(other: Alternative, size: float) -> Row:
@@ -129,16 +129,20 @@ def _alternative(other: Alternative, size: float) -> Row:
     }
 
 
+_EXACT = 6
+"""Decimals of a cut, which is to be the one tried: of a print of a few centimetres, too."""
+
+
 def _yaml(cut: Cut) -> str:
     """Lines that give a cut in a site's configuration."""
     lines = ["pedestal:", "  shape: mesh", "  cut:", f"    kind: {type(cut).__name__.lower()}"]
     for key, value in asdict(cut).items():
         if key == "corners":
-            lines += ["    corners:", *(f"      - [{_place(corner)}]" for corner in value)]
+            lines += ["    corners:", *(f"      - [{_place(corner, _EXACT)}]" for corner in value)]
         elif key in ("rgb", "tolerance"):
             lines.append(f"    {key}: {list(value) if key == 'rgb' else format(value, 'g')}")
         else:
-            lines.append(f"    {key}: [{_place(value)}]")
+            lines.append(f"    {key}: [{_place(value, _EXACT)}]")
     return "\n".join(lines)
 
 

@@ -181,6 +181,7 @@ def widest(found: xr.Dataset) -> dict[str, float]:
         "wide": by_width[-1]["ratio"],
         "wide_yaw": by_width[-1]["yaw"],
         "median": float(np.median([row["ratio"] for row in rows])),
+        "partial": not np.isfinite(found["boundary_high"].values).all(),
     }
 
 

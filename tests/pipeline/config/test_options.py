@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from functools import cache
@@ -14,6 +15,7 @@ import pytest
 import yaml
 
 from pipeline import ROOT
+from pipeline.config.refusals import RENAMED
 
 CONFIGS = ROOT / "configs"
 SHIPPED = sorted(path.relative_to(CONFIGS).as_posix() for path in CONFIGS.rglob("*.yaml"))
@@ -30,6 +32,12 @@ def read_schema(path: Path) -> dict[str, Any]:
 def takes(given: str) -> bool:
     schema = read_schema(CONFIGS / "schema.json")
     return jsonschema.Draft202012Validator(schema).is_valid(yaml.safe_load(given))
+
+
+def test_pages_name_keys_as_they_are_today() -> None:
+    named = re.compile(r"<code>(\w+)</code>")
+    for page in (ROOT / "pipeline").rglob("*.html"):
+        assert not RENAMED.keys() & set(named.findall(page.read_text(encoding="utf-8"))), page
 
 
 def test_generated_files_are_current() -> None:

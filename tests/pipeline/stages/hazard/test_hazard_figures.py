@@ -1,6 +1,8 @@
-"""Survival against age: names of branches and the legend hide no curve and cross no frame."""
+"""Survival against age and earthquakes by magnitude, as pages show them."""
 
 from __future__ import annotations
+
+import re
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pipeline.stages.hazard.hazard_figures import survival
+from pipeline.workflow import pages
 
 AGE = np.linspace(0.0, 6700.0, 202)
 
@@ -40,3 +43,14 @@ def test_names_and_legend_of_survival_have_their_own_places(rates: list[float]) 
         assert frame.y0 < box.y0 < box.y1 < frame.y1
     (legend,) = [*figure.legends, *filter(None, (axes.get_legend() for axes in figure.axes))]
     assert not legend.get_window_extent().overlaps(frame)
+
+
+def test_magnitudes_near_each_other_are_told_apart() -> None:
+    """Those of a table of ground motion, which may have two decimals."""
+    rows = [{"magnitude": one, "distances": [10.0]} for one in (5.45, 5.5, 7.0)]
+    exclusion = {
+        "pictures": {"exclusion": ""}, "magnitudes": rows, "standing": [0.5], "faults": [],
+        "span": (1.0, 100.0), "table": True, "drawn": False, "least": 0.05,
+    }  # fmt: skip
+    page = pages.filled("earthquakes.html", {"exclusion": exclusion})
+    assert re.findall(r'<tr><td class="n">([^<]*)</td>', page) == ["5.45", "5.5", "7"]

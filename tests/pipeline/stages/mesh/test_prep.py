@@ -27,6 +27,7 @@ from support.small_scan import FAR, NOISE, STONE, survey, tapered, write_ply
 from pipeline import ROOT, cli
 from pipeline.config.layers import load_site
 from pipeline.stages.mesh import scan_figures, scan_page
+from pipeline.stages.mesh.scan_page import _yaml
 from pipeline.stages.mesh.sources import Source, find
 from pipeline.workflow import graph
 from pipeline.workflow.cluster import Cluster
@@ -263,6 +264,14 @@ def test_every_cut_on_the_page_can_be_pasted(shown: Shown, tmp_path: Path) -> No
         path.write_text(f"rock: {{shape: mesh, mesh: scan.ply, density: 2000}}\n{block}\n")
         kinds.append(load_site(str(path)).config.pedestal.cut.kind)
     assert kinds == ["plane", "box", "polygon", "colour"]
+
+
+def test_a_cut_on_the_page_is_the_one_tried() -> None:
+    """Of a print 40 mm high, whose cut is known to a micrometre."""
+    cut = Plane((0.0123456, -0.0234567, 0.0012345), (0.0012345, 0.0234567, 0.9997241))
+    pasted = yaml.safe_load(_yaml(cut))["pedestal"]["cut"]
+    np.testing.assert_allclose(pasted["point"], cut.point, atol=6e-7)
+    np.testing.assert_allclose(pasted["normal"], cut.normal, atol=6e-7)
 
 
 def test_a_cut_on_the_page_is_where_the_rock_is(shown: Shown) -> None:
