@@ -193,13 +193,12 @@ class Cluster:
         """
         if self.local and self.workers == 0:
             yield from _in_turn(function, batches, shared)
-            return
-        if self.local and self.together:
+        elif self.local and self.together:
             yield from _in_threads(self.workers, function, batches, shared)
-            return
-        client, upkeep = self._start()
-        dispatch = Dispatch(client, function, batches, shared, self.together, upkeep)
-        yield from dispatch.results()
+        else:
+            client, upkeep = self._start()
+            dispatch = Dispatch(client, function, batches, shared, self.together, upkeep)
+            yield from dispatch.results()
 
     def each(
         self,

@@ -46,7 +46,7 @@ FORMULAS = (
         "=HYPERLINK(1)",
         "@SUM(1)",
         "+cmd|calc",
-        "-1",
+        "-1+1",
         "\t=1",
         "\r1",
         "\t1",
