@@ -117,7 +117,7 @@ def _check(stage: str, member: Job) -> None:
 
 
 def _wanted(swept: Swept) -> Identity:
-    """Identity of the comparison: what is swept, its code, and the keys of the members."""
+    """Identity of the comparison: what is swept, its reference, code, and keys of the members."""
     sweep = swept.sweep
     dimensions: dict[str, Any] = {
         one.name: {key: list(values) for key, values in one.values.items()}
@@ -127,7 +127,9 @@ def _wanted(swept: Swept) -> Identity:
         member.name: graph.checked(swept.stage, swept.jobs[member.place])[swept.stage].key
         for member in sweep.members
     }
-    return graph.made_from(COMPARISON, {"sweep": dimensions, "product": swept.stage}, {}, needs)
+    reference = {one.name: one.labels[one.reference] for one in sweep.dimensions}
+    asked = {"sweep": dimensions, "reference": reference, "product": swept.stage}
+    return graph.made_from(COMPARISON, asked, {}, needs)
 
 
 def _log(job: Job, member: Member, line: str) -> None:

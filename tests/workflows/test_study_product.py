@@ -330,6 +330,15 @@ def test_any_product_can_be_swept(study: Study) -> None:
     np.testing.assert_allclose(data["tipping_pga"].sel(direction=0), [0.25, 0.5 / 3.0])
 
 
+def test_a_member_that_becomes_the_site_becomes_the_reference(study: Study) -> None:
+    found = []
+    for own in ("", "contact: {restitution: 0.3}\n"):
+        Path(study.site).write_text(SITE.replace("[0, 90]", "0") + own)
+        study.run("sweep: {bounce: {contact.restitution: [0.0, 0.3]}}")
+        found += re.findall(r">([^<>]*) \(reference\)", study.page("study"))
+    assert found == ["0", "0.3"]
+
+
 def test_what_differs_in_length_between_members_is_told(study: Study) -> None:
     for name, sections in (("post", 8), ("can", 40)):
         trimesh.creation.cylinder(0.3, 2.0, sections).export(study.folder / f"{name}.ply")

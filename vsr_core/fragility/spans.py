@@ -27,7 +27,7 @@ class Thresholds:
     lower, upper : ndarray, shape (n_ratio,) [ln g]
         NaN and infinite as ``vsr_core.fragility.boundary.Boundary`` has them.
     last : ndarray, shape (n_ratio,) [ln g]
-        Above which no outcome changes in the cells; NaN where none does.
+        Above which all that is in the cells topples; NaN where some stands.
     single : ndarray of bool, shape (n_ratio,), rows that change once, or never
     """
 
@@ -43,7 +43,8 @@ def thresholds(known: Known, rows: int) -> Thresholds:
     every, last = changes(known), np.full(rows, np.nan)
     inside = every.upper <= REACH * np.max(upper, where=np.isfinite(upper), initial=0.0)
     # ascending: the highest of a level remains
-    last[every.level[inside]] = np.log(every.upper[inside])
+    ends = np.where(every.rises, every.upper, np.nan)[inside]
+    last[every.level[inside]] = np.log(ends)
     number = np.bincount(every.level, minlength=rows)
     return Thresholds(np.log(lower), np.log(upper), last, number <= 1)
 

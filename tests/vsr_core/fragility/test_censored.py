@@ -221,6 +221,16 @@ def test_changes_that_tell_no_slope_bound_the_median_of_their_row(last: float) -
     assert (high < 0.71).all()
 
 
+def test_an_island_is_no_step() -> None:
+    """The second row topples between 0.3 and 0.32 g, and stands up to 1 g."""
+    pga = np.array([0.1, 0.3, 0.305, 0.315, 0.32, 0.4, 0.5, 0.6, 0.8, 1.0])
+    sides = [[0, 0, 0, 0, 0, 0, 1, 1, 1, 1], [0, 0, 1, 1, 0, 0, 0, 0, 0, 0]]
+    known = Known.of(np.repeat([0, 1], pga.size), np.tile(pga, 2), np.ravel(sides))
+    model = LognormalFragility(shares(known, [0.2, 0.3]), thresholds(known, 2))
+    assert model.status[1] not in ("interval", "above", "below")
+    assert model.probability(model.coefs[:, 1:], np.log([[0.5]])).item() < 0.5
+
+
 @pytest.mark.parametrize("place", [0.2, np.exp(-20.5 * STEP)])
 @pytest.mark.parametrize("beyond", [[0, 0], [0, 1]])
 def test_changes_beyond_the_cells_do_not_move_the_median(beyond: list[int], place: float) -> None:
