@@ -297,7 +297,7 @@ def parser() -> argparse.ArgumentParser:
     fetch.add_argument(
         "name", metavar="NAME", help="double_rock, double_rock_prints or granite_boulder"
     )
-    fetch.add_argument("--url", help="alternative address of the same file")
+    fetch.add_argument("--url", metavar="URL", help="alternative address of the same file")
     return whole
 
 

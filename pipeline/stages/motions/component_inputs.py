@@ -21,6 +21,7 @@ from pipeline.stages.motions.record_inputs import (
     each,
     identity,
     in_order,
+    name_of,
     processed,
     read,
     refuse_copies,
@@ -112,7 +113,7 @@ def _ready(
         for axis, record in fixed.items()
     )
     return Ready(
-        files[0][0].stem,
+        name_of(files[0][0]),
         ", ".join(shown(path) for path, _ in files),
         identity(files[0][1], next(iter(found.values()))),
         replace(fixed[main], repairs=tuple(repairs)),

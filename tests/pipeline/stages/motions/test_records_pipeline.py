@@ -234,6 +234,22 @@ def test_the_horizontal_files_of_a_station_are_two_records(tmp_path: Path, vsr: 
     assert sorted(records) == ["NWC001.EW", "NWC001.NS"]
 
 
+def test_above_and_below_the_ground_are_two_records(tmp_path: Path, vsr: Vsr) -> None:
+    """As KiK-net packs them: 1 is in the hole, and 2 at the surface."""
+    records = []
+    for place in (1, 2):
+        for seed, way in enumerate(("EW", "NS")):
+            scale = files.shaking(2 * place + seed, 100.0, 10.0, 6.0, 0.3)
+            text = files.knet(scale, 0.01, f"{way[0]}-{way[1]}")
+            (tmp_path / f"AKT.{way}{place}").write_text(text)
+        records.append(f"{{components: {{x: AKT.EW{place}, y: AKT.NS{place}}}}}")
+    band = "processing: {order: standard, highpass: 0.1, lowpass: 25}"
+    where = site(tmp_path, f"records: [{', '.join(records)}], {band}, pga: [1]")
+    ran = vsr("run", "motions", "--site", where)
+    assert ran.code == 0, ran.err
+    assert sorted(product(tmp_path, "motions")["record"].values.tolist()) == ["AKT.EW1", "AKT.EW2"]
+
+
 def test_a_channel_that_may_be_vertical_is_told(tmp_path: Path, vsr: Vsr) -> None:
     """DN is a hole in the ground here, and a channel that points down elsewhere."""
     text = pulse_record(0.3)
