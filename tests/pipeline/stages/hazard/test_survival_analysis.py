@@ -349,7 +349,29 @@ def test_beyond_what_was_tried_half_of_what_stands_falls_where_half_would() -> N
     ]
     (member,) = rock.others
     np.testing.assert_allclose(member(levels)[0], expected)
-    np.testing.assert_allclose(rock.mean(levels)[0], norm.cdf(np.log(levels / GRAVITY)))
+    np.testing.assert_allclose(rock.mean(levels)[0], expected)
+
+
+def test_the_mean_of_draws_counts_those_that_slide_and_never_topple() -> None:
+    """A lognormal of all would have 6 % fall at half the PGA that the others need."""
+    boundary = np.append(np.geomspace(0.55, 0.7, 27), np.full(5, np.inf))[:, None, None]
+    pga = np.array([0.25, 0.5, 1.0, 2.0, 4.0])
+    data = xr.Dataset(
+        {
+            "overturned": (
+                ("member", "yaw", "pgv_pga", "pga"), (pga > boundary[..., None]).astype(np.int8)
+            ),
+            "member_boundary": (("member", "yaw", "pgv_pga"), boundary),
+            "theta": (("yaw", "pgv_pga"), [[0.9]]),
+            "beta": (("yaw", "pgv_pga"), [[0.8]]),
+        },
+        {"yaw": [0.0], "pgv_pga": [0.3], "pga": pga},
+        {"searched_from_g": 0.25, "searched_to_g": 4.0},
+    )  # fmt: skip
+    rock, levels = of_members(numbered(data)), GRAVITY * np.array([0.3, 0.5, 0.8, 4.0, 6.0])
+    np.testing.assert_allclose(rock.mean(levels[:4])[0], [0.0, 0.0, 27 / 32, 27 / 32])
+    each = np.mean([one(levels) for one in rock.others], axis=0)
+    np.testing.assert_allclose(rock.mean(levels), each)
 
 
 def test_draws_of_one_direction_go_on_by_its_own_fit() -> None:
@@ -392,7 +414,7 @@ def test_a_record_and_its_mirror_image_are_one_row_whatever_their_names() -> Non
         rock = of_members(numbered(data))
         np.testing.assert_allclose(rock.ratios, [0.1, 0.3])
         found.append([rows(levels) for rows in (rock.mean, rock.by_yaw[0.0], *rock.others)])
-    chance = [norm.cdf(2.0 * np.log(levels / (GRAVITY * median))) for median in (0.4, 0.8)]
+    chance = [levels > GRAVITY * median for median in (0.4, 0.8)]
     np.testing.assert_allclose(found[0][0][0], np.mean(chance, axis=0))
     np.testing.assert_allclose(found[0], found[1])
 
