@@ -60,6 +60,7 @@ def facts(
         "tolerance": step.tolerance,
         "within": step.within,
         "searched": [found.attrs[name] for name in SEARCHED],
+        "never": int(np.isinf(found["member_boundary"].values).any(axis=(1, 2)).sum()),
         "runs": int(found["member_runs"].sum()),
         "each": float(found["member_runs"].mean()),
         "middle_ratio": float(found[_ratios(found)][_middle(found)]),
