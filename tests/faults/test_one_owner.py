@@ -469,7 +469,7 @@ def test_a_scan_that_is_written_while_it_is_read_makes_nothing(
         patch.setattr(mesh_files, "read", written_before)
         ran = vsr("run", "rock", "--site", scan_site)
     assert ran.code == 2
-    assert "scan.ply edited while a command that reads it was at work" in ran.err
+    assert "scan.ply: got what was edited while a command that reads it was at work" in ran.err
     assert not (derived / "rock" / "rock.nc").exists()
     scan.write_bytes(scans[0])
     assert vsr("run", "rock", "--site", scan_site).code == 0

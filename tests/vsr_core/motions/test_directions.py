@@ -104,7 +104,7 @@ def column(name: str, place: int = 1) -> Record:
 
 LEVEL = """
 u | v | V | GBZ_180 | acc_x | vel | acc_ver2 | acc (g) | HN1 | 90 (2) | E.1 | acc.x.g |
-XX.STA..HNE | A.090 | ax_0.250 | AZ090 | DN090 | UP090 | HNZ090
+XX.STA..HNE | A.090 | ax_0.250
 """.replace("\n", "")
 
 DOUBTFUL = """
@@ -113,7 +113,7 @@ VER 090 | x (z up) | East (Z down) | HNZ 10 | UP 090 | vert. array 1 east | az 1
 az_raw | az_mps2 | Az corrected | AZ_SENSOR3 | z.filt | acc_z_raw | UD raw | H1 (Az 90) | Az 45 |
 H1 Az N60E | 45 deg az | H1 090 Az | 090 AZ | 12 az | vert acc | z_001 | UD 002 | HNZ_001 |
 DWN 002 | acc_down 001 | UD.1 | acc.z.g | UD.gal | HNZ.00 | az.1 | az_ms2 | acc (U-D) | U-D acc |
-az_01 | 01_az
+az_01 | 01_az | AZ090 | DN090 | UP090 | HNZ001 | acc_z101
 """
 
 VERTICAL = """
@@ -121,6 +121,7 @@ z [m/s2] | acc_z | acceleration_UD | up (1) | accz | acc_up | acc up | a_down | 
 Up-Down | UP/DOWN | up_down (g) | accelerationZ | hnz | az | az1 | zacc | UpDn | Up m/s^2 |
 THZ_Z | acc_up m/s2 | CH1_UP | CH1 Z | CH2 vertical | V2 UP | COMP UP | Channel 3 vertical |
 G02-UP | station 090 up | a_z | acc U-D | ACC_U-D | zaccel | XX.STA..HNZ | acc Up/Down | UD10 |
+UD500 | UD2018 | Z1234 | HNZ999 | UP400 | VERT1001 |
 U - D | U.D. | Up - Down | Down-Up | UP--DOWN | up&down | acc Up . Down
 """
 

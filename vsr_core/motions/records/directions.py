@@ -11,16 +11,14 @@ from vsr_core.motions.records.record import Direction, Record
 
 _VERTICAL = re.compile(
     "(UP(WARDS?|DO(WN)?|DN)?|UD|DOWN|DWN|DN|VE?RTC?|VERTI[CK]ALE?|(ACC(EL(ERATION)?)?)?Z"
-    "|[A-Z][GHLN]Z)[0-9]{0,2}|VER|ZACC(EL(ERATION)?)?",
+    "|[A-Z][GHLN]Z)[0-9]*|VER|ZACC(EL(ERATION)?)?",
     re.IGNORECASE,
 )
-"""Words for vertical channels: of networks' files, SEED's among them, and of columns.
+"""Words for vertical channels: of networks' files, SEED's among them, and of columns."""
 
-Three digits after them are an azimuth."""
+_DOWN = re.compile("(DOWN|DWN|DN)[0-9]*", re.IGNORECASE)
 
-_DOWN = re.compile("(DOWN|DWN|DN)[0-9]{0,2}", re.IGNORECASE)
-
-_ALONG_Z = re.compile("AZ[0-9]{0,2}", re.IGNORECASE)
+_ALONG_Z = re.compile("AZ[0-9]*", re.IGNORECASE)
 """Alone vertical as well, and beside other words maybe an azimuth."""
 
 _TWO_ENDS = re.compile(
@@ -37,6 +35,9 @@ _AFTER = re.compile(r"\s*[(\[]([^(\[]*)[)\]]\W*$")
 
 _BETWEEN = re.compile(r"(?<=[^\W\d_])[\W_]+(?=[^\W\d_])|^[\W_]+|[\W_]+$")
 """What parts the letters of a name: N-S, U/D, Up_Down."""
+
+_LETTERS = re.compile(r"^[^\W\d]+(?=\d)")
+"""Letters before a number, which may be an azimuth."""
 
 _WORDS = re.compile(r"\d+\.\d+|[^\W_]+")
 
@@ -126,6 +127,8 @@ def _is_vertical(name: str) -> bool:
     [False, False, False, False, False]
     """
     words = _words(name)
+    if _points(_LETTERS.sub("", _last(words))) is not None:
+        return False  # AZ090
     alone = len(words) == 1 and _ALONG_Z.fullmatch(words[0])
     return bool(alone or _VERTICAL.fullmatch(_last(words)))
 

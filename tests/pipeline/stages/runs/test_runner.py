@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -117,7 +118,9 @@ class Losing(Cluster):
 
 def test_what_was_planned_is_stored_or_crashed_or_told(tmp_path: Path) -> None:
     work = work_in(tmp_path, Losing(0))
-    with pytest.raises(Unfinished, match="5 of 10 runs came back"):
+    with pytest.raises(Unfinished, match="of 10 runs came back") as lost:
         run_missing(work, KIND, GROUPS, wanted, lambda group: (group, []))
+    came = int(re.findall(r"\d+", str(lost.value))[0])
+    assert 0 < came < 10
     work = work_in(tmp_path, Cluster(0))
-    assert run_missing(work, KIND, GROUPS, wanted, lambda group: (group, [])).runs == 5
+    assert run_missing(work, KIND, GROUPS, wanted, lambda group: (group, [])).runs == 10 - came
