@@ -93,7 +93,8 @@ def whole(
 
     Parameters
     ----------
-    on_rock : int, a face whose piece it is in place of the largest
+    on_rock : int, a face whose piece it is in place of the largest; of a face on an island, the one
+        rock around it
 
     Returns
     -------
@@ -112,30 +113,44 @@ def whole(
     side = edges(faces).pairs
     one, other = side.T // 3
 
-    def inside(rock: Mask) -> Mask:
-        """All but what hangs together with the border."""
-        piece = connected_component_labels((side // 3)[rock[one] == rock[other]], len(faces))
-        return ~np.isin(piece, piece[outer])
+    def pieces(alike: Mask) -> Indices:
+        """Numbers of the pieces of faces that hang together by some of the sides."""
+        return connected_component_labels((side // 3)[alike], len(faces))
 
-    before, given = rock, None
-    if on_rock is not None:  # which may lie on an island, or be parted by some from the rest
-        rock = rock | inside(rock)
-    if on_rock is not None and not rock[on_rock]:
-        raise InvalidInput(
-            "a cut that leaves pedestal.point_on_rock to the ground",
-            "the point lies on the rock",
-            "move the cut, or the point",
-        )
+    def touched(part: Mask) -> Mask:
+        """Faces on both sides of the edge of a part."""
+        found = np.zeros(len(faces), dtype=bool)
+        found[(side // 3)[part[one] != part[other]]] = True
+        return found
+
+    before, given, chosen = rock, None, on_rock
+    if on_rock is not None:  # which may lie on an island, in rock or between several rocks
+        piece = pieces(rock[one] == rock[other])
+        outside = np.isin(piece, piece[outer & ~rock])
+        outermost = np.isin(piece, piece[rock & (outer | touched(outside))])
+        within = ~(outside | outermost)
+        together = pieces(within[one] & within[other])
+        island = within & (together == together[on_rock])
+        around = np.unique(piece[touched(island) & ~island])
+        if len(around) == 1:
+            rock, chosen = piece == around[0], None
     while given is None or (rock != given).any():
         given = rock
-        rock = _one_piece(faces, side, area, rock, on_rock)
+        rock = _one_piece(faces, side, area, rock, chosen)
         if (rock & outer).any():
             raise InvalidInput(
                 "a cut that touches the border of the scan",
                 "the ground surrounds the rock",
                 "move the cut, or scan more of the ground",
             )
-        rock = inside(rock)
+        piece = pieces(rock[one] == rock[other])
+        rock = ~np.isin(piece, piece[outer])
+    if on_rock is not None and not rock[on_rock]:
+        raise InvalidInput(
+            "a cut that leaves pedestal.point_on_rock to the ground",
+            "the point lies on the rock",
+            "move the cut, or the point",
+        )
     lost, won = area[before & ~rock].sum(), area[rock & ~before].sum()
     notes = [f"{lost:.2g} m2 cut off beside the rock left to the ground"] if lost > 0.0 else []
     if won > 0.0:
@@ -177,8 +192,9 @@ def _one_piece(faces: Indices, side: Indices, area: Array, rock: Mask, on_rock: 
     across = np.isin(links, links[rock[one] != rock[other]]).all(axis=1)
     held = rock[one] & rock[other] & ~across
     piece = connected_component_labels((side // 3)[held], len(area))
-    largest = int(np.argmax(np.bincount(piece[rock], weights=area[rock])))
-    return rock & (piece == (largest if on_rock is None else piece[on_rock]))
+    if on_rock is None:
+        return rock & (piece == np.argmax(np.bincount(piece[rock], weights=area[rock])))
+    return rock & (piece == piece[on_rock])
 
 
 def seams(vertices: Array, faces: Indices, rock: Mask, found: Turns) -> tuple[Seam, ...]:

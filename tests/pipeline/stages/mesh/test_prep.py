@@ -510,6 +510,41 @@ def test_a_point_beside_a_cut_may_lie_on_lichen(place: float) -> None:
     assert found[off < 2.7].all()
 
 
+def test_a_point_beside_a_cut_chooses_one_of_two_rocks_that_touch() -> None:
+    """The pocket between two rocks that touch in two vertices is neither's; lichen is rock."""
+    rows = """
+        ............
+        ..AAAA......
+        ..AAAA......
+        ..AAApBBBB..
+        ..AlApBBBB..
+        ..AAAppBBB..
+        ..AAAApBBB..
+        ..AAAApBBB..
+        ......BBBB..
+        ............"""
+    drawn = np.kron([[ord(one) for one in row] for row in rows.split()], np.ones((3, 3), dtype=int))
+    corner = np.arange(31 * 37).reshape(31, 37)
+    a, b, c, d = (
+        part.ravel()
+        for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1])
+    )
+    faces = np.vstack([np.column_stack([a, d, c]), np.column_stack([a, c, b])])
+    place = np.indices(corner.shape).reshape(2, -1).T[:, ::-1]
+    vertices = np.column_stack([place, np.zeros(len(place))])
+    letter = np.tile(drawn.ravel(), 2)
+    rock = np.isin(letter, (ord("A"), ord("B")))
+    middle = np.tile((np.indices(drawn.shape) % 3 == 1).all(axis=0).ravel(), 2)
+    for own in (np.isin(letter, (ord("A"), ord("l"))), letter == ord("B")):
+        for face in np.flatnonzero(own & middle)[::3]:
+            found, _ = whole(vertices, faces, rock, int(face))
+            assert own[found].all()
+            assert found[own & middle].all()
+    for face in np.flatnonzero(letter == ord("p"))[::10]:
+        with pytest.raises(InvalidInput, match=r"leaves pedestal\.point_on_rock to the"):
+            whole(vertices, faces, rock, int(face))
+
+
 def test_point_beside_a_cut_is_in_the_scans_own_coordinates(
     tmp_path: Path, refused: Refused
 ) -> None:
