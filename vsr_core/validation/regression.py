@@ -18,14 +18,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Calibration:
-    """P = 1 / (1 + exp(-(intercept + slope * log-odds of the ensemble)))."""
+    """P = 1 / (1 + exp(-(intercept + slope * log-odds of the ensemble))).
 
-    intercept: float = 0.0
-    slope: float = 1.0
-    tests: int = 0
+    Attributes
+    ----------
+    intercept, slope : float, NaN where there is none
+    tests : int, those with an outcome that it is of
+    """
+
+    intercept: float
+    slope: float
+    tests: int
+
+    @property
+    def known(self) -> bool:
+        """Whether there is one."""
+        return not np.isnan(self.slope)
 
     def probability(self, overturned: Array, members: Array) -> Array:
-        """Calibrated probabilities, shape (n,), of counts as in ``calibrate``."""
+        """Calibrated probabilities, shape (n,), of counts as in ``calibrate``; NaN without one."""
         score = self.intercept + self.slope * _log_odds(overturned, members)
         return np.asarray(1.0 / (1.0 + np.exp(-score)))
 
@@ -46,10 +57,9 @@ def calibrate(overturned: Array, members: Array, observed: Mask) -> Calibration:
     Returns
     -------
     Calibration
-        One of no tests, which changes nothing, where the outcomes have no such regression.
+        Of NaN where the outcomes have no such regression, see ``regressed``.
     """
-    intercept, slope = regressed(_log_odds(overturned, members), observed)
-    return Calibration() if np.isnan(slope) else Calibration(intercept, slope, len(observed))
+    return Calibration(*regressed(_log_odds(overturned, members), observed), len(observed))
 
 
 def regressed(score: Array, observed: Mask) -> tuple[float, float]:

@@ -136,7 +136,7 @@ def test_outcomes_that_are_divided_have_no_regression(cut: float) -> None:
     for happened, known in ((divided, False), (mixed, True)):
         found = scores.scored(happened, share > 0.5, share)
         assert [math.isfinite(found.intercept), math.isfinite(found.slope)] == [known] * 2
-        assert regression.calibrate(10.0 * share, count, happened).tests == 33 * known
+        assert regression.calibrate(10.0 * share, count, happened).known == known
         told = regression.logistic(share[:, None], happened, motions)
         assert np.isfinite(told).all() == known
     level = np.full(33, 0.3)  # of one probability there is no slope
@@ -155,7 +155,7 @@ def test_calibration_finds_what_made_the_outcomes() -> None:
     rng = np.random.default_rng(5)
     members = np.full(20_000, 20.0)
     overturned = rng.integers(0, 21, 20_000).astype(float)
-    true = regression.Calibration(0.8, 0.6)
+    true = regression.Calibration(0.8, 0.6, 0)
     happened = rng.uniform(size=20_000) < true.probability(overturned, members)
     found = regression.calibrate(overturned, members, happened)
     assert found.intercept == pytest.approx(0.8, abs=0.08)
@@ -163,10 +163,11 @@ def test_calibration_finds_what_made_the_outcomes() -> None:
     assert found.tests == 20_000
 
 
-def test_calibration_without_a_choice_changes_nothing() -> None:
+def test_of_outcomes_that_are_all_alike_there_is_no_calibrated_probability() -> None:
     counts, members = np.array([1.0, 5.0, 9.0]), np.full(3, 10.0)
     found = regression.calibrate(counts, members, np.ones(3, dtype=bool))
-    np.testing.assert_allclose(found.probability(counts, members), (counts + 0.5) / 11.0)
+    assert not found.known
+    assert np.isnan(found.probability(counts, members)).all()
 
 
 def test_curve_finds_the_fragility_that_made_the_outcomes() -> None:

@@ -34,7 +34,8 @@ class Predictions:
 
     Attributes
     ----------
-    calibrated : ndarray, probability after calibration on half of the ground motions
+    calibrated : ndarray
+        Probability after calibration on half of the ground motions; NaN without a calibration.
     conditioned : ndarray
         Probability after the outcomes of all other series of the specimen.
     effective : ndarray, shape (specimens, tests), members that count in it
@@ -238,10 +239,19 @@ REGRESSIONS = "logistic of PGA and PGV/PGA", "logistic of PGV"
 def left_out(one: Compared) -> list[str]:
     """Predictors of a specimen that outcomes allow no fit of, one line each."""
     known = predictors(one)
+    reason = (
+        "the outcomes that it would be fitted to are all {}or divided without an overlap: such a "
+        "regression has no maximum"
+    )
+    alone, half = reason.format("alike, "), reason.format("alike, all of one probability, ")
+    if not one.made.calibration.tests:
+        half = "no outcome is of the half of the ground motions that it would be fitted to"
+    if len(set(one.tests.motion)) == 1:
+        alone = "all outcomes are of one ground motion, and each is predicted from the others"
+    reasons = {CALIBRATED: half} | dict.fromkeys(REGRESSIONS, alone)
     return [
-        f"specimen {one.specimen}: no {name}, as the outcomes that it would be fitted to are all "
-        "alike, or divided without an overlap: such a regression has no maximum"
-        for name in (CALIBRATED, *REGRESSIONS)
+        f"specimen {one.specimen}: no {name}, as {why}"
+        for name, why in reasons.items()
         if name not in known
     ]
 
@@ -253,7 +263,7 @@ def predictors(one: Compared) -> dict[str, Predictor]:
     motions = np.array(tests.motion)
     intensity = np.log(np.column_stack([tests.pga, tests.pgv_pga]))
     found = {"ensemble": Predictor(Origin.OURS, one.share, made.share[row])}
-    if made.calibration.tests:
+    if made.calibration.known:
         found[CALIBRATED] = Predictor(Origin.OURS, one.calibrated, made.calibrated[row])
     found["best guess"] = Predictor(Origin.OURS, made.best_guess[row])
     measures = intensity, intensity.sum(axis=1, keepdims=True)
@@ -282,7 +292,8 @@ def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
     observed = np.full(made.share.shape, -1, dtype="i1")
 
     def sides(probability: Array) -> NDArray[np.int8]:
-        return np.array([decided(tests, row) for row in probability], dtype=np.int8)
+        found = np.array([decided(tests, row) for row in probability], dtype=np.int8)
+        return np.where(np.isnan(probability), np.int8(-1), found)
 
     for row, specimen in enumerate(tests.specimens):
         observed[row] = tests.observed.get(specimen, observed[row])
@@ -310,7 +321,8 @@ def dataset(tests: Tests, made: Predictions) -> xr.Dataset:
             "calibration_half": ("test", made.half.astype("i1")),
         },
     )
-    found["happened"].encoding["_FillValue"] = np.int8(-1)
+    for name in ("predicted_calibrated", "happened"):
+        found[name].encoding["_FillValue"] = np.int8(-1)
     return found
 
 

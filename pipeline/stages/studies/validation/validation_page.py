@@ -170,7 +170,7 @@ def reliability(tests: Tests, made: Predictions) -> Figure:
         above.set_ylabel("share of tests that overturned")
         below.set(xlabel="predicted probability of overturning", ylabel="tests", yscale="log")
         kinds = [("priors only, all tests", known.share[row], np.ones(len(observed), dtype=bool))]
-        if known.calibration.tests:
+        if known.calibration.known:
             kinds.append(("calibrated, other half", known.calibrated[row], ~known.half))
         for k, (label, probability, inside) in enumerate(kinds):
             found = scores.reliability(observed[inside], probability[inside])

@@ -41,7 +41,8 @@ def scored_tests() -> tuple[recorded_tests.Tests, Predictions]:
     shape = (2, COUNT)
     share, members = toppled / 20.0, np.full(shape, 20.0)
     every = (np.arange(20)[:, None] < np.round(20.0 * chance)).astype(np.int64)
-    parts = share, share, members, Calibration(tests=COUNT), half, np.stack([every, every])
+    fitted = Calibration(0.0, 1.0, COUNT)
+    parts = share, share, members, fitted, half, np.stack([every, every])
     return tests, Predictions(toppled, members, 0, toppled > 10, *parts)
 
 

@@ -135,6 +135,29 @@ def test_what_outcomes_allow_no_fit_of_is_left_out_and_told() -> None:
         "specimen 1: no logistic of PGV",
     ]
     assert set(validation_page.scored(sharp, one.made)["predictor"]) == names
+    stored = predictions.dataset(sharp, predictions.predictions(sharp, found))
+    assert np.isnan(stored["probability_calibrated"]).all()
+    assert (stored["predicted_calibrated"] == -1).all()
+
+
+@pytest.mark.parametrize(("motion", "calibrated"), [(MOTIONS[0], True), (MOTIONS[1], False)])
+def test_a_table_of_one_motion_is_told_as_one(motion: str, calibrated: bool) -> None:
+    """Its outcomes overlap; what lacks is another motion, or one of the half for calibration."""
+    single = replace(TESTS, motion=(motion,) * 12, specimens=(1,))
+    found = {
+        Draw(1, Role.MEMBER, member): {
+            number: row(test[member])
+            for number, test in zip(TESTS.number, RUNS[1].split(), strict=True)
+        }
+        for member in range(4)
+    }
+    (one,) = predictions.compared(single, predictions.predictions(single, found))
+    alone = "as all outcomes are of one ground motion, and each is predicted from the others"
+    expected = [f"specimen 1: no {name}, {alone}" for name in predictions.REGRESSIONS]
+    half = "no outcome is of the half of the ground motions that it would be fitted to"
+    if not calibrated:
+        expected.insert(0, f"specimen 1: no calibrated ensemble, as {half}")
+    assert predictions.left_out(one) == expected
 
 
 def test_each_half_is_scored_on_its_own_tests(made: Predictions) -> None:
