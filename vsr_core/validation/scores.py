@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import log_ndtr, logsumexp
 from scipy.stats import binomtest, norm
 
 from vsr_core.arrays import Array, Indices, Mask
@@ -246,6 +247,8 @@ SAMPLES = 200
 SEED = 1
 """Of the bootstrap samples."""
 
+_HALVINGS = 40  # of the range of a level: of a few hundred, to less than 1e-9
+
 FLATTEST, STEEPEST = 0.05, 50.0
 """Least and largest slope: of a curve that is nearly level, and of one that is a step."""
 
@@ -292,10 +295,32 @@ def curve(intensity: Array, share: Array, motions: NDArray[np.str_], at: Array) 
     fitted, _ = maximise(likelihood, np.tile([0.0, 1.0], (len(weights), 1)))
     level, slope = fitted[:, :1], np.clip(fitted[:, 1:], FLATTEST, STEEPEST)
     held = slope[:, 0] != fitted[:, 1]  # the likeliest level is that of the slope that is held
-    offset, counts = slope[held] * design[:, 1], weights[held]
-    likelihood = probit_likelihood(design[:, :1], offset, counts * share, counts)
-    level[held] = maximise(likelihood, np.zeros((len(counts), 1)))[0]
+    level[held] = _level(slope[held] * design[:, 1], share, weights[held])
     drawn = norm.cdf(level + slope * (np.log(at) - centre))
     low, high = np.percentile(drawn[1:], [2.5, 97.5], axis=0)
     median = float(np.exp(centre - level[0, 0] / slope[0, 0]))
     return Curve(at, drawn[0], low, high, median)
+
+
+def _level(offset: Array, share: Array, weights: Array) -> Array:
+    """Likeliest level of probit fits P = Phi(level + offset), shape (batch, 1).
+
+    As the level rises, what fell adds less and less to the slope of the likelihood, and what stood
+    takes more and more off it. They are compared by their logarithms, as far from all tests both
+    are too small for a number.
+
+    Parameters
+    ----------
+    offset, weights : ndarray, shape (batch, n)
+    share : ndarray, shape (n,), 0 or 1 of a test, a probability of a prediction
+    """
+    low, high = -offset.max(axis=1, keepdims=True) - 9.0, 9.0 - offset.min(axis=1, keepdims=True)
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2.0
+        eta = middle + offset
+        fell, stood = (
+            logsumexp(-0.5 * eta**2 - log_ndtr(side), 1, counts, keepdims=True)
+            for side, counts in ((eta, weights * share), (-eta, weights * (1.0 - share)))
+        )
+        low, high = np.where(fell > stood, middle, low), np.where(fell > stood, high, middle)
+    return (low + high) / 2.0

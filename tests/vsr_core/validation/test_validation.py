@@ -184,12 +184,22 @@ def test_curve_finds_the_fragility_that_made_the_outcomes() -> None:
     assert ((found.low <= exact + 0.02) & (exact - 0.02 <= found.high)).all()
 
 
-@pytest.mark.parametrize("first", range(1, 10))
-def test_the_median_of_separated_outcomes_is_between_them(first: int) -> None:
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("first", "tests"),
+    [
+        *((k, [0.1, 0.14, 0.18, 0.22, 0.24, 0.26, 0.3, 0.35, 0.4, 0.5]) for k in range(1, 10)),
+        (9, [0.05] * 8 + [0.8, 0.9, 1.0, 1.1, 1.2]),
+        (6, [0.02, 0.03, 0.04, 0.05, 0.06, 0.9, 1.0, 1.1]),
+        (3, [0.001, 0.0011, 0.0012, 1.0, 1.1, 30.0, 31.0]),
+    ],
+)
+def test_the_median_of_separated_outcomes_is_between_them(first: int, tests: list[float]) -> None:
     """All tests from one intensity on overturned: the curve is a step between it and the last."""
-    intensity = np.array([0.10, 0.14, 0.18, 0.22, 0.24, 0.26, 0.30, 0.35, 0.40, 0.50])
-    happened = (np.arange(10) >= first).astype(float)
-    found = scores.curve(intensity, happened, intensity.astype(str), intensity)
+    intensity = np.array(tests)
+    happened = (np.arange(len(tests)) >= first).astype(float)
+    motions = np.arange(len(tests)).astype(str)
+    found = scores.curve(intensity, happened, motions, intensity)
     assert intensity[first - 1] < found.median < intensity[first]
     np.testing.assert_array_equal(found.probability > 0.5, happened == 1)
 
