@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -69,6 +70,24 @@ def test_a_tilt_test_tells_where_the_centre_of_mass_is(products: Callable[..., x
     prior = found["width"].sel(knowledge="prior", direction=0.0)
     assert found["width"].sel(knowledge="posterior", direction=0.0) < 0.5 * prior
     assert found.sizes["draw"] > 32  # few were left, so more were drawn
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_where_friction_alone_is_unknown_no_band_gets_narrower(
+    vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
+) -> None:
+    """A block that slides from atan 0.1 to 0.2 on, and tips at atan 1/4, stood up to 6 deg."""
+    priors = "centre_of_mass: 0, restitution: [0, 0], friction: [0.1, 0.2]"
+    site = write_site(SITE.replace("centre_of_mass: 0.02, friction: [0.6, 0.9]", priors))
+    test = "{kind: tilt, direction: 0, angle: 6, outcome: stood, sd: 1}"
+    ran = vsr("run", "observations", "--site", site, *observed(test))
+    assert ran.code == 0, ran.err
+    page = (derived / "rock" / "observations.html").read_text()
+    assert "nan" not in re.sub("<[^>]*>", " ", page)
+    row = re.search(r"<td>([\d.]+) to ([\d.]+)°</td><td[^>]*>\d+</td><td[^>]*>0</td>", page)
+    assert row
+    low, high = (np.tan(np.radians(float(one))) for one in row.groups())
+    assert 0.1 < low < high < 0.2
 
 
 def test_the_ensemble_has_the_rocks_that_are_left(

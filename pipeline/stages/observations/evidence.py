@@ -85,19 +85,21 @@ def _of_test(draws: Sequence[Draw], one: Observation) -> Evidence:
     match one:
         case TiltTest():
             angles = np.array([_tilt(draw, one) for draw in draws])
-            moved = one.outcome == "tipped"
-            likely = weighing.of_threshold(one.angle, one.sd, *angles.T, moved=moved)
-            return Evidence(likely, angles[:, 0], "°")
+            return _of_threshold(one.angle, one.sd, angles, "°", moved=one.outcome == "tipped")
         case PushTest():
             forces = np.array([_push(draw, one) for draw in draws])
-            moved = one.outcome == "lifted"
-            likely = weighing.of_threshold(one.force, one.sd, *forces.T, moved=moved)
-            return Evidence(likely, forces[:, 0], "N")
+            return _of_threshold(one.force, one.sd, forces, "N", moved=one.outcome == "lifted")
         case RockingTest():
             frequency = np.array([_rocking(draw, one) for draw in draws])
             likely = -0.5 * ((one.frequency - frequency) / one.sd) ** 2
             return Evidence(likely, frequency, "Hz")
     raise AssertionError(one.kind)
+
+
+def _of_threshold(value: float, sd: float, found: Array, unit: str, *, moved: bool) -> Evidence:
+    """What tips and what slides each draw, shape (draws, 2): it stands up to the lesser."""
+    likely = weighing.of_threshold(value, sd, *found.T, moved=moved)
+    return Evidence(likely, found[:, 0] if moved else found.min(axis=1), unit)
 
 
 def _tilt(draw: Draw, test: TiltTest) -> Array:

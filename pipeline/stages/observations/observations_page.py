@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from pipeline.drawing import style
 from pipeline.stages.observations.evidence import Evidence
@@ -62,14 +63,14 @@ def taught(found: xr.Dataset, evidence: Sequence[Evidence]) -> list[dict[str, An
         else:
             expected = f"{100.0 * own.mean():.0f} % stand"
         tried = ln_tipping[np.isfinite(one.log_likelihood)]
-        whole = weighing.width(tried, np.full(len(tried), 1.0 / len(tried))).mean()
-        alone = weighing.width(tried, weighing.left(one.log_likelihood)).mean()
+        whole = weighing.width(tried, np.full(len(tried), 1.0 / len(tried)))
+        alone = weighing.width(tried, weighing.left(one.log_likelihood))
         rows.append(
             {
                 "words": str(found["observation"].values[at]),
                 "expected": expected,
                 "left": float(found["alone_effective"][at]) / len(tried),
-                "narrower": 1.0 - float(alone / whole),
+                "narrower": float(_narrower(alone.mean(), whole.mean())),
             }
         )
     return rows
@@ -98,9 +99,13 @@ def directions(found: xr.Dataset) -> list[dict[str, Any]]:
 
 def reductions(found: xr.Dataset) -> Array:
     """Share of the band, in the mean over directions, that a tilt test in each is to take off."""
-    now = float(found["width"].values[1].mean())
-    after = found["expected_width"].values.mean(axis=1)
-    return np.asarray(1.0 - after / now if now > 0.0 else np.zeros(len(after)))
+    return _narrower(found["expected_width"].values.mean(axis=1), found["width"].values[1].mean())
+
+
+def _narrower(after: ArrayLike, before: ArrayLike) -> Array:
+    """Share that is taken off the widths of bands: 0 of a band that has none."""
+    left = np.divide(after, before, out=np.ones(np.shape(after)), where=np.greater(before, 0.0))
+    return np.asarray(1.0 - left)
 
 
 def unknowns(found: xr.Dataset) -> list[dict[str, Any]]:
@@ -188,7 +193,7 @@ def further(found: xr.Dataset) -> Figure:
     figure = Figure(figsize=(6.0, 3.2), layout="constrained")
     axes = figure.add_subplot()
     way = found["test_direction"].values
-    here = 1.0 - np.diag(found["expected_width"].values) / found["width"].values[1]
+    here = _narrower(np.diag(found["expected_width"].values), found["width"].values[1])
     axes.bar(
         way - 6.0,
         100.0 * reductions(found),
