@@ -121,9 +121,17 @@ def known(folder: Path = SITES) -> list[str]:
 
 
 def load_site(
-    site: str, study: str | None = None, settings: tuple[str, ...] = (), over: str | None = None
+    site: str,
+    study: str | None = None,
+    settings: tuple[str, ...] = (),
+    over: tuple[str, tuple[str, ...]] | None = None,
 ) -> Site:
-    """Merge base, site, study, one over it, and ``key=value`` settings, later over earlier ones."""
+    """Merge base, site, study and ``key=value`` settings, later ones over earlier ones.
+
+    Parameters
+    ----------
+    over : another study and settings of its own, over all of these
+    """
     layers = read_layers(site, study, settings, over)
     if layers.sweep is not None:
         rule, remedy = "this command takes no sweep", "leave out the study, or its sweep"
@@ -137,7 +145,8 @@ class Layers:
 
     Attributes
     ----------
-    files : of base, site and studies, each the file as a reader would write it, and its content
+    files : of base, site and study, each the file as a reader would write it, and its content; of
+        a study over settings these and that study, too
     """
 
     path: Path
@@ -197,17 +206,23 @@ class Layers:
 
 
 def read_layers(
-    site: str, study: str | None, settings: tuple[str, ...], over: str | None = None
+    site: str,
+    study: str | None,
+    settings: tuple[str, ...],
+    over: tuple[str, tuple[str, ...]] | None = None,
 ) -> Layers:
-    """Read base, site, study and one over it, and ``key=value`` settings."""
+    """Read base, site and study, and ``key=value`` settings; and others over all of these."""
     path = _find(site, SITES, "site")
-    studies = [_find(one, STUDIES, "study") for one in (study, over) if one is not None]
-    paths = [BASE, path, *studies]
-    files = tuple((shown(file), _read(file)) for file in paths)
-    sweep = files[-1][1].pop("sweep", None) if studies else None
-    parents = {shown(file): file.parent for file in paths}
+    paths = [BASE, path, *(() if study is None else [_find(study, STUDIES, "study")])]
+    files = [(shown(file), _read(file)) for file in paths]
     given = tuple(map(_setting, one_by_one(settings)))
-    return Layers(path, Request(site, study, settings), files, parents, given, sweep)
+    if over is not None:
+        paths.append(_find(over[0], STUDIES, "study"))
+        files += [*(("--set", layer) for layer in given), (shown(paths[-1]), _read(paths[-1]))]
+        given = tuple(map(_setting, one_by_one(over[1])))
+    sweep = files[-1][1].pop("sweep", None) if len(paths) > 2 else None
+    parents = {shown(file): file.parent for file in paths}
+    return Layers(path, Request(site, study, settings), tuple(files), parents, given, sweep)
 
 
 def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple[Checked, str]:

@@ -48,6 +48,8 @@ def others_of(job: Job) -> Iterator[tuple[str, Job]]:
     """Stages and jobs of other rocks and settings, whose fragilities a site's hazard reads."""
     graph.checked("hazard", job)  # refused before anything is made
     found = named("pipeline.stages.hazard.other_rocks:find")(job.config.hazard, job.site)
+    for line in found.told:
+        complain(f"vsr: warning: {line}")
     for other in found.made:
         store = Store(other.folder(job.store.folder))
         yield other.stage, replace(job, site=other.site, store=store)

@@ -777,7 +777,8 @@ def test_a_setting_that_a_comparison_cannot_have_is_refused_by_its_name(
     refused: Callable[..., str],
 ) -> None:
     """The site shakes with pulses, which have PGV/PGA; its comparison with records has not."""
-    setting = ("--set", "motion.pgv_pga=[0.3]")
+    one = "{name: recorded motions, study: records, set: ['motion.pgv_pga=[0.3]']}"
+    setting = ("--set", f"hazard.compare=[{one}]", "--set", "motion.pgv_pga=[0.4]")
     words = ("recorded motions", "motion.pgv_pga", "--set hazard.compare=[]")
     line = refused("run", "hazard", "--site", "double_rock", *setting, words=words)
     assert "did you mean" not in line
@@ -895,6 +896,62 @@ def test_a_study_that_is_compared_lies_beside_who_names_it_and_over_that_of_the_
     contact = compared.site.config.contact
     assert (contact.friction, contact.restitution) == ((0.3,), 0.2)
     assert own.config.contact.friction == (0.7,)
+
+
+PULSES = "motion={kind: cosine_pulse, pga: [0.2, 0.4], pgv_pga: [0.3]}"
+PROCESSED = "{order: none, highpass: null, lowpass: null}"
+RECORDED = f"{{kind: record, files: waves, pga: [0.3], processing: {PROCESSED}}}"
+
+
+@pytest.mark.parametrize(
+    ("study", "settings", "compared", "kind", "friction", "without"),
+    [
+        ("", ("contact.friction=0.8",), "contact: {friction: 0.3}", "cosine_pulse", 0.3, ""),
+        ("", (PULSES,), f"motion: {RECORDED}", "record", 0.6, ""),
+        ("contact: {friction: 0.8}", (PULSES,), "motion: {pga: 0.5}", "cosine_pulse", 0.8, ""),
+        (f"motion: {RECORDED}", (), "motion: {pga: 0.5}", "record", 0.6, ""),
+        (
+            *(f"motion: {RECORDED}", ("contact.friction=0.8",), "motion: {pgv_pga: 0.1}"),
+            *("cosine_pulse", 0.8, "the study given.yaml"),
+        ),
+        (
+            *("contact: {friction: 0.7}", (f"motion={RECORDED}",), "motion: {pgv_pga: 0.1}"),
+            *("cosine_pulse", 0.6, "what the command sets"),
+        ),
+    ],
+)
+def test_a_study_that_is_compared_lies_over_all_of_the_command_that_it_goes_with(
+    study: str,
+    settings: tuple[str, ...],
+    compared: str,
+    kind: str,
+    friction: float,
+    without: str,
+    write_site: Callable[..., str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Pulses have PGV/PGA and records have files, so that keys of the one say nothing of others."""
+    monkeypatch.chdir(tmp_path)
+    Path("given.yaml").write_text(study)
+    Path("mine.yaml").write_text(compared)
+    age = "age: {kind: normal, mean: 4000, source: none}"
+    site = write_site(f"{BOX}{GRID}hazard: {{{age}, compare: [{{name: a, study: mine.yaml}}]}}\n")
+    own = load_site(site, "given.yaml" if study else None, settings)
+    found = other_rocks.find(own.config.hazard, own.origin)
+    (config,) = (one.site.config for one in found.compared)
+    assert (config.motion.kind, config.contact.friction) == (kind, (friction,))
+    if "{pga: 0.5}" in compared:
+        assert config.motion.pga == (0.5,)
+    told = f"mine.yaml does not go with {without}; compared without"
+    assert [line.partition(": a: ")[2] for line in found.told] == [told] * bool(without)
+
+
+def test_what_a_comparison_leaves_out_of_the_command_is_told_once(vsr: Callable[..., Ran]) -> None:
+    compare = "hazard.compare=[{name: coarse, study: coarse_grid}]"
+    ran = vsr("plan", "hazard", "--site", "double_rock", "--study", "records", "--set", compare)
+    told = "warning: --set: hazard.compare: coarse: coarse_grid does not go with the study records"
+    assert (ran.code, ran.err.count(told)) == (cli.DONE, 1), ran.err
 
 
 def test_stages_of_a_rock_keep_their_settings_but_not_those_of_the_hazard(

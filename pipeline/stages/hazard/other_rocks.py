@@ -117,10 +117,16 @@ class Archived:
 
 @dataclass(frozen=True)
 class Others(Input):
-    """Other rocks at the place, the rock with other settings, and as it stood before."""
+    """Other rocks at the place, the rock with other settings, and as it stood before.
+
+    Attributes
+    ----------
+    told : str, what of the command is left out of a comparison
+    """
 
     rocks: tuple[Other | Archived, ...]
     compared: tuple[Other, ...]
+    told: tuple[str, ...]
     earlier: tuple[Other, ...]
 
     def files_read(self) -> tuple[Path, ...]:
@@ -182,17 +188,43 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
         twice = next(one.name for one in hazard.compare if folders.count(folder_of(one.name)) > 1)
         file, rule = origin.file_of("hazard.compare"), "a comparison has a name of its own"
         raise InputError(Problem(file, "hazard.compare", f"{twice!r} twice", rule, "rename one"))
-    compared = []
+    return Others(rocks, *_compared(hazard, origin), earlier)
+
+
+def _compared(hazard: HazardConfig, origin: Origin) -> tuple[tuple[Other, ...], tuple[str, ...]]:
+    """The rock with other settings, and in lines what of the command these do not go with."""
+    compared, told = [], []
     for one in hazard.compare:
         try:
-            over = one.study and _named(one.study, origin, "hazard.compare")
-            site = load_site(file, study, (*settings, *one.set), over)
+            site, without = _with_other_settings(one, origin)
             check_peaks(site)
         except InputError as error:
             raise _of_comparison(origin, one.name, error) from None
         _check_comparison(origin, one, site)
         compared.append(Other(one.name, site, folder_of(one.name)))
-    return Others(rocks, tuple(compared), earlier)
+        if without:
+            place = f"{origin.file_of('hazard.compare')}: hazard.compare: {one.name}"
+            told.append(f"{place}: {one.study} does not go with {without}; compared without")
+    return tuple(compared), tuple(told)
+
+
+def _with_other_settings(one: Comparison, origin: Origin) -> tuple[Site, str]:
+    """The rock as it is compared, and what of the command its study does not go with."""
+    assert origin.request is not None
+    file, study, settings = origin.request
+    if one.study is None:
+        return load_site(file, study, (*settings, *one.set)), ""
+    over = _named(one.study, origin, "hazard.compare"), one.set
+    for without, below, given in (
+        ("", study, settings),
+        (f"the study {study}", None, settings),
+        ("what the command sets", None, ()),
+    ):
+        try:
+            return load_site(file, below, given, over), without
+        except InputError as error:
+            refused = error
+    raise refused  # by what is its own
 
 
 def _check_comparison(origin: Origin, one: Comparison, site: Site) -> None:
