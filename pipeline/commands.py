@@ -162,9 +162,7 @@ def feasible(options: argparse.Namespace) -> int:
     if options.export is not None:
         located(Path.cwd(), options.export, "--export", "")
     job = job_of(options)
-    graph.checked("rock", job)  # before the folder is there
     with job.store, job.cluster:
-        job.store.open()
         lines = make(job, options.table, Path(options.export) if options.export else None)
     for name in ("feasible.png", "feasible.csv"):
         log(f"-> {job.path(name)}")

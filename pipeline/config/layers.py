@@ -99,9 +99,11 @@ class Site(Origin):
     ----------
     settings : the checked configuration of a rock, or what is assumed of a series of recorded
         shake-table tests
+    read : tuple of Path, YAML files and tables of ages that the settings are from
     """
 
     settings: Config | ShakeTableConfig
+    read: tuple[Path, ...] = ()
 
     @property
     def config(self) -> Config:
@@ -147,12 +149,13 @@ class Layers:
     ----------
     files : of base, site and study, each the file as a reader would write it, and its content; of
         a study over settings these and that study, too
+    paths : dict, from each file as a reader would write it to its path
     """
 
     path: Path
     request: Request
     files: tuple[tuple[str, dict[str, Any]], ...]
-    parents: dict[str, Path]
+    paths: dict[str, Path]
     settings: tuple[dict[str, Any], ...]
     sweep: Any
 
@@ -173,7 +176,7 @@ class Layers:
             raise InputError(*by_key.values()) from None
         folder = self.path.parent
         places = {
-            key: (at, self.parents.get(at, folder))
+            key: (at, self.paths[at].parent if at in self.paths else folder)
             for key, at in origin.items()
             if at != shown(BASE)  # what is to be other than in the base is set by the site
         }
@@ -185,8 +188,15 @@ class Layers:
             request=self.request,
             settings=config,
         )
-        hazard = with_samples(config.hazard, site.located, site.file_of)
-        return replace(site, settings=config.model_copy(update={"hazard": hazard}))
+        read = [*self.paths.values()]
+
+        def to_read(key: str, name: str) -> Path:
+            read.append(site.located(key, name))
+            return read[-1]
+
+        hazard = with_samples(config.hazard, to_read, site.file_of)
+        settings = config.model_copy(update={"hazard": hazard})
+        return replace(site, settings=settings, read=tuple(read))
 
     def merged(self, *more: dict[str, Any]) -> tuple[dict[str, Any], dict[tuple[str, ...], str]]:
         """Merge them, unchecked.
@@ -221,8 +231,8 @@ def read_layers(
         files += [*(("--set", layer) for layer in given), (shown(paths[-1]), _read(paths[-1]))]
         given = tuple(map(_setting, one_by_one(over[1])))
     sweep = files[-1][1].pop("sweep", None) if len(paths) > 2 else None
-    parents = {shown(file): file.parent for file in paths}
-    return Layers(path, Request(site, study, settings), tuple(files), parents, given, sweep)
+    named = {shown(file): file for file in paths}
+    return Layers(path, Request(site, study, settings), tuple(files), named, given, sweep)
 
 
 def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple[Checked, str]:

@@ -42,7 +42,7 @@ def store_of(site: Site, derived: Path, variant: str | None) -> Store:
     Raises
     ------
     InputError
-        For a name that is none, and for a folder that holds the site's file.
+        For a name that is none, and for a folder that holds a file which the settings are from.
     """
     if variant is not None and not _NAME.fullmatch(variant):
         rule, remedy = "it has letters, digits, points and dashes", "e.g. --name rough"
@@ -57,7 +57,7 @@ def store_of(site: Site, derived: Path, variant: str | None) -> Store:
         name = own
     home = Store(derived / name)
     store = home if variant is None else Store(derived / f"{name}{of_variant}", home)
-    store.check_apart([site.path])
+    store.check_apart([site.path, *site.read])
     return store
 
 

@@ -130,7 +130,8 @@ class Others(Input):
     earlier: tuple[Other, ...]
 
     def files_read(self) -> tuple[Path, ...]:
-        return tuple(one.path for one in self.rocks if isinstance(one, Archived))
+        archives = (one.path for one in self.rocks if isinstance(one, Archived))
+        return (*archives, *(path for one in self.made for path in one.site.read))
 
     def digests_as_read(self) -> dict[str, str]:
         """The same, of archives as they were when they were found."""

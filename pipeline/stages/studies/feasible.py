@@ -61,7 +61,9 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
         raise InputError(Problem(file, "motion.kind", repr(motion.kind), rule, remedy))
     if export is not None:
         _check_export(export, motion, config.table(), file)
+    job.store.check_apart([Path(name)] if name.endswith((".yaml", ".yml")) else [])
     graph.make("rock", job)
+    job.store.open()
     rock = graph.built(Standing, job).rock
     label = Path(file).stem
     boundaries, known = _boundaries(job), graph.identities("boundary", job.site)

@@ -39,6 +39,8 @@ def test_every_setting_is_beside_the_products_after_any_command(
         assert settings_in(derived / "rock") == settings
 
 
+CURVES = ROOT / "data" / "raw" / "hazard" / "made_up"
+
 OWN = {
     "the site": "run rock --site rocks/boulder/boulder.yaml",
     "the site, of a variant": "run rock --site rocks/boulder/boulder.yaml --name rough",
@@ -51,6 +53,13 @@ OWN = {
     "a record, swept": "run fragility --site boulder.yaml --study rocks/two.yaml --set "
     "motion.files=rocks/boulder/motions.csv",
     "curves": "run hazard --site boulder.yaml --age 900 --curves rocks/boulder/curves",
+    "ages": "run hazard --site boulder.yaml --set hazard.age.kind=samples "
+    "--set hazard.age.file=rocks/boulder/hazard.csv",
+    "a study": "run rock --site boulder.yaml --study rocks/boulder/config.yaml",
+    "a study, compared": f"run hazard --site boulder.yaml --age 900 --curves {CURVES} --set "
+    'hazard.compare=[{"name":"a","study":"rocks/boulder/config.yaml"}]',
+    "a study, swept": "run fragility --site boulder.yaml --study rocks/boulder/swept.yaml",
+    "limits of a table": "feasible --site boulder.yaml --table rocks/boulder/table.yaml",
     "an archive": "archive rocks/archives/archive/archive.csv",
 }
 
@@ -67,10 +76,14 @@ def test_no_result_goes_to_where_ones_own_files_are_read(
         text = f"{BOX}{STEP}" + f"motion: {{{record}}}\n" * (case.startswith("a record"))
         Path(place, "boulder.yaml").write_text(text)
     Path("rocks/two.yaml").write_text("sweep: {dense: {rock.density: [2000, 3000]}}\n")
+    Path("rocks/boulder/swept.yaml").write_text(Path("rocks/two.yaml").read_text())
+    Path("rocks/boulder/config.yaml").write_text("contact: {friction: 0.5}\n")
+    Path("rocks/boulder/hazard.csv").write_text("age_a\n18000\n21000\n")
+    shutil.copy(ROOT / "configs" / "tables" / "mini_shake_robot.yaml", "rocks/boulder/table.yaml")
     trimesh.creation.box().export("rocks/boulder/a.ply")
     wave = 3.0 * np.cos(np.linspace(0.0, 2.0 * np.pi, 401))
     Path("rocks/boulder/motions.csv").write_text(record_files.csv(wave, 0.005))
-    shutil.copytree(ROOT / "data" / "raw" / "hazard" / "made_up", "rocks/boulder/curves")
+    shutil.copytree(CURVES, "rocks/boulder/curves")
     Path("rocks/archives/archive").mkdir(parents=True)
     Path("rocks/archives/archive/archive.csv").write_text("name,alpha_1_deg,r_1_m\nA,12,1\n")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
