@@ -30,8 +30,9 @@ def fetch(name: str, url: str | None = None, raw: Path | None = None) -> Path:
     """Download an original and keep it as ``<raw>/<name>/<name>.ply`` in metres.
 
     A copy under ``../shared/data`` is taken in place of the download. The specimen of shake-table
-    tests is ``sp1.ply``, in a folder that ``make validate`` reads. Other files in the folder that
-    hold something else than what comes with it are left as they are, and told.
+    tests is ``sp1.ply``, in a folder that ``make validate`` reads. Files in the folder that hold
+    something else than what comes with it are left as they are, and told; the note of where a scan
+    is from is that of the original.
 
     Parameters
     ----------
@@ -93,18 +94,23 @@ def _keep(name: str, original: Original, file: Path, folder: Path) -> Path:
     held = trimesh.Trimesh(mesh.vertices, mesh.faces).export(file_type="ply")
     assert isinstance(held, bytes)
     facts = {"from": original.credit, "url": original.url, "sha256": sha256(held).hexdigest()}
-    files = {ORIGIN: json.dumps(facts, indent=1).encode()}
+    files = {}
     if original.tests:
-        files |= {path.name: path.read_bytes() for path in (CONFIGS / "tests" / name).iterdir()}
+        files = {path.name: path.read_bytes() for path in (CONFIGS / "tests" / name).iterdir()}
+    note = folder / ORIGIN
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
+        if note.is_symlink():  # to the note of another scan, which stays
+            note.unlink()
         there = sorted(one for one in files if os.path.lexists(folder / one))
         others = [one for one in there if not _holds(folder / one, files[one])]
     for one in files.keys() - there:
         output.put("vsr fetch", folder / one, binary(files[one]))
+    output.put("vsr fetch", note, binary(json.dumps(facts, indent=1).encode()))
     output.put("vsr fetch", final, binary(held))  # last: with it the folder is whole
     if others:
-        complain(f"vsr: warning: {folder}: {listed(others)} of your own, left as found")
+        told = f"{listed(others)} other than what comes with {name} by now, left as found"
+        complain(f"vsr: warning: {folder}: {told}")
     return final
 
 

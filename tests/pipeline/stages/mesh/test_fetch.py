@@ -267,6 +267,27 @@ def test_the_boulder_is_pinned_and_kept_as_large_as_it_is(
     np.testing.assert_allclose(trimesh.load(path, process=False).extents, SIZE, rtol=1e-6)
 
 
+@pytest.mark.parametrize("linked", [False, True])
+def test_the_note_of_another_scan_does_not_stay_beside_an_original(
+    linked: bool, serve: Callable[[bytes], str], raw: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The scan it is of was removed, or has a folder of its own, where the note stays."""
+    body = trimesh.creation.box(SIZE).export(file_type="obj").encode()
+    name, mine = "granite_boulder", '{"from": "my own scan"}'
+    monkeypatch.setitem(ORIGINALS, name, replace(ORIGINALS[name], sha256=sha(body)))
+    (raw / name).mkdir(parents=True)
+    note = raw / name / sources.ORIGIN
+    if linked:
+        (raw / "mine.json").write_text(mine)
+        note.symlink_to(raw / "mine.json")
+    else:
+        note.write_text(mine)
+    path = fetch.fetch(name, f"{serve(body)}/whole.dae", raw)
+    assert sources.origin_of(path)["from"] == ORIGINALS[name].credit
+    assert sources.origin_of(path)["sha256"] == sha(path.read_bytes())
+    assert not linked or (raw / "mine.json").read_text() == mine
+
+
 @pytest.mark.parametrize("full", [False, True])
 def test_assumptions_and_outcomes_of_ones_own_stay(
     full: bool,
@@ -279,7 +300,7 @@ def test_assumptions_and_outcomes_of_ones_own_stay(
     body = bytes(trimesh.creation.box(extents=SIZE).export(file_type="dae"))
     name = "double_rock_prints"
     monkeypatch.setitem(ORIGINALS, name, replace(ORIGINALS[name], sha256=sha(body)))
-    own = {"table.yaml": "members: 40\n", "outcomes.csv": "test\n1\n", "origin.json": "{}"}
+    own = {"table.yaml": "members: 40\n", "outcomes.csv": "test\n1\n"}
     (raw / name).mkdir(parents=True)
     for file, text in own.items():
         (raw / name / file).write_text(text)
@@ -299,7 +320,8 @@ def test_assumptions_and_outcomes_of_ones_own_stay(
     assert {file: (raw / name / file).read_text() for file in own} == own
     assert (raw / name / "schema.json").stat().st_size > 0
     told = capsys.readouterr().err
-    assert "origin.json, outcomes.csv and table.yaml of your own, left as found" in told
+    others = "outcomes.csv and table.yaml other than what comes with double_rock_prints by now"
+    assert f"{others}, left as found" in told
 
 
 @pytest.mark.skipif(not ORIGINAL.is_file(), reason=f"reference data absent: {ORIGINAL.name}")
