@@ -83,7 +83,7 @@ def _loaded(
         raise InputError(*problems)
     refuse_twice(file, _KEY, [one.name for one in ready])
     ready = in_order(ready)
-    refuse_copies(file, _KEY, ready)
+    refuse_copies(file, _KEY, [one.at_any_scale for one in ready])
     return tuple(ready)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from itertools import combinations
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from pipeline.config.paths import is_text, located, shown
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.workflow.grammar import listed
 from pipeline.workflow.keys import content_of, digest
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records import formats
 from vsr_core.motions.records.components import Components
@@ -39,6 +40,9 @@ _FILES, _RESPONSE = "motion.files", "motion.response.file"
 
 LARGEST_FILE = 256 * 1024**2
 """Bytes of a file of motions: of ten million samples in text."""
+
+_ALIKE = 1e-3
+"""Share by which what a scale leaves differs at two scales, in samples of few digits."""
 
 LARGEST_RESPONSE = 64 * 1024**2
 """Bytes of the responses of instruments: of a whole network's."""
@@ -66,6 +70,15 @@ class Ready:
     components: Components | None = None
     told: str = ""
     doubts: tuple[str, ...] = ()
+
+    @property
+    def at_any_scale(self) -> Scaled:
+        """What it has in common with itself at another scale."""
+        ratio, step = self.measures.pgv_pga, self.trace.interval
+        if self.components is None:
+            return Scaled(self.file, ratio, step, self.trace.acceleration)
+        along = self.components
+        return Scaled(self.file, ratio, step, along.acceleration, along.azimuth)
 
 
 def find(origin: Origin, files: tuple[str, ...]) -> list[Path]:
@@ -154,17 +167,47 @@ def _loaded(
     ready = in_order(
         each(file, _FILES, [*known], lambda path: _ready(path, known[path], response, motion))
     )
-    refuse_copies(file, _FILES, ready)
+    refuse_copies(file, _FILES, [one.at_any_scale for one in ready])
     return tuple(ready)
 
 
-def refuse_copies(file: str, key: str, ready: list[Ready]) -> None:
+class Scaled(NamedTuple):
+    """A motion that another may be at another scale.
+
+    Attributes
+    ----------
+    left : float, a number of it that a scale leaves, of few motions the same
+    samples : ndarray, shape (n, ...), of positions or accelerations
+    azimuth : float, of what its axes are [rad]
+    """
+
+    file: str
+    left: float
+    interval: float
+    samples: Array
+    azimuth: float = 0.0
+
+    def differs_in_scale_only(self, other: Scaled) -> bool:
+        """Whether the one is the other times a positive number."""
+        first, second = self.samples, other.samples
+        if first.shape != second.shape or self.azimuth != other.azimuth:
+            return False
+        if not np.isclose(self.interval, other.interval, rtol=1e-6):
+            return False
+        first, second = (values / np.abs(values).max() for values in (first, second))
+        return bool(np.allclose(first, second, rtol=0.0, atol=1e-5))
+
+
+def refuse_copies(file: str, key: str, motions: Iterable[Scaled]) -> None:
     """Refuse one motion under two names."""
-    for one, other in combinations(ready, 2):
-        if _same(one, other):
-            given = f"{one.file} and {other.file}, which are one motion at two scales"
-            rule = "each record is scaled to every PGA"
-            raise InputError(Problem(file, key, given, rule, "leave one out"))
+    found = sorted(motions, key=lambda one: one.left)
+    numbers = [one.left for one in found]
+    for place, one in enumerate(found):
+        for other in found[place + 1 : bisect_right(numbers, (1.0 + _ALIKE) * one.left)]:
+            if one.differs_in_scale_only(other):
+                given = f"{one.file} and {other.file}, which are one motion at two scales"
+                rule = "each record is scaled to every PGA"
+                raise InputError(Problem(file, key, given, rule, "leave one out"))
 
 
 def in_order(ready: list[Ready]) -> list[Ready]:
@@ -197,21 +240,6 @@ def processed(record: Record, motion: RecordConfig) -> Trace:
     trace = process(record.acceleration, record.interval, motion.processing.how())
     check_rest(trace)
     return trace
-
-
-def _same(one: Ready, other: Ready) -> bool:
-    """Whether two motions differ in their scale only."""
-    if one.components and other.components:
-        if one.components.azimuth != other.components.azimuth:
-            return False
-        first, second = one.components.acceleration, other.components.acceleration
-    else:
-        first, second = one.trace.acceleration, other.trace.acceleration
-    steps = (one.trace.interval, other.trace.interval)
-    if first.shape != second.shape or not np.isclose(*steps, rtol=1e-6):
-        return False
-    first, second = (values / np.abs(values).max() for values in (first, second))
-    return bool(np.allclose(first, second, rtol=0.0, atol=1e-5))
 
 
 def response_of(origin: Origin, motion: RecordConfig, known: Mapping[Path, str]) -> bytes | None:

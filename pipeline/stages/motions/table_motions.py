@@ -12,6 +12,7 @@ from pipeline.config import in_si
 from pipeline.config.layers import Origin
 from pipeline.config.motion_schema import AxisPulseConfig
 from pipeline.config.outside import held
+from pipeline.config.paths import shown
 from pipeline.stages.motions import record_inputs
 from pipeline.workflow.datasets import split
 from pipeline.workflow.keys import digest_bytes
@@ -29,6 +30,8 @@ def of_files(origin: Origin, paths: list[Path]) -> Loaded:
     """The motions in files of a site."""
     file, key = origin.file_of("motion.files"), "motion.files"
     motions = record_inputs.each(file, key, paths, lambda path: _moving(load(path)))
+    at_any_scale = map(_at_any_scale, map(shown, paths), motions)
+    record_inputs.refuse_copies(file, key, at_any_scale)
     found = dict(zip(map(record_inputs.name_of, paths), motions, strict=True))
     ratios = {name: one.peak_velocity / one.peak_acceleration for name, one in found.items()}
     names = tuple(sorted(found, key=lambda name: (ratios[name], name)))
@@ -91,6 +94,13 @@ def named(pulses: tuple[AxisPulseConfig, ...]) -> str:
 
 def _digest(motion: SampledMotion) -> str:
     return digest_bytes(motion.time.tobytes(), motion.samples.tobytes())
+
+
+def _at_any_scale(file: str, motion: SampledMotion) -> record_inputs.Scaled:
+    """What it has in common with itself at another scale: no PGV/PGA, of a table that tilts."""
+    sizes = np.abs(motion.samples)
+    step = motion.duration / (len(motion.time) - 1)
+    return record_inputs.Scaled(file, float(sizes.mean() / sizes.max()), step, motion.samples)
 
 
 def _moving(motion: SampledMotion) -> SampledMotion:

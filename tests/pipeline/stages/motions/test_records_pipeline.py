@@ -16,11 +16,12 @@ from support.following import following
 
 from pipeline import ROOT, cli
 from pipeline.config.layers import known, load_site
+from pipeline.config.problems import InputError
 from pipeline.stages.fragility.fragility_figures import overturning_diagram
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import MotionData
 from pipeline.stages.motions.record_figure import record_figure
-from pipeline.stages.motions.record_inputs import find
+from pipeline.stages.motions.record_inputs import Scaled, find, refuse_copies
 from pipeline.stages.runs import scenes
 from pipeline.workflow.datasets import read
 from vsr_core import GRAVITY
@@ -403,6 +404,32 @@ def test_bad_input_is_one_line(case: str, tmp_path: Path, refused: Refused) -> N
     path = site(tmp_path, f"{motion}, pga: [0.3]")
     line = refused("run", "fragility", "--site", path, "--workers", "0", words=(key, *words))
     assert f"rock.yaml: {key}: " in line
+
+
+def test_a_copy_among_many_records_is_found_and_few_are_compared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of 400 records all pairs would be 80,000."""
+    generator, compared = np.random.default_rng(1), []
+    noise = generator.normal(size=(400, 500))
+    peaks = np.abs(noise).max(axis=1)
+    ratios = np.abs(0.01 * noise.cumsum(axis=1)).max(axis=1) / peaks
+    found = [
+        Scaled(f"{n}.csv", ratio, 0.01, samples)
+        for n, (ratio, samples) in enumerate(zip(ratios.tolist(), noise, strict=True))
+    ]
+    whole = Scaled.differs_in_scale_only
+
+    def counted(one: Scaled, other: Scaled) -> bool:
+        compared.append(other.file)
+        return whole(one, other)
+
+    monkeypatch.setattr(Scaled, "differs_in_scale_only", counted)
+    refuse_copies("rock.yaml", "motion.files", found)
+    assert 0 < len(compared) < 800
+    copy = Scaled("copy.csv", found[7].left * (1.0 + 1e-5), 0.01, 3.0 * found[7].samples)
+    with pytest.raises(InputError, match=r"got 7\.csv and copy\.csv, which are one motion at two"):
+        refuse_copies("rock.yaml", "motion.files", [copy, *found])
 
 
 def test_kinds_do_not_mix(tmp_path: Path, refused: Refused) -> None:

@@ -137,6 +137,36 @@ def site(tmp_path: Path, write_site: Callable[..., str]) -> str:
     return write_site(SITE)
 
 
+@pytest.mark.parametrize(
+    ("head", "scale", "refused_"),
+    [
+        ("time [s],x [m],pitch [degree]", 0.5, True),
+        ("time [s],x [mm],pitch [mrad]", [1000.0, np.pi / 0.18], True),
+        ("time [s],x [m],pitch [degree]", -0.5, False),
+        ("time [s],x [m],pitch [degree]", [0.5, 0.51], False),
+        ("time [s],x [m],yaw [degree]", 0.5, False),
+    ],
+)
+def test_one_motion_at_two_scales_is_refused(
+    head: str,
+    scale: list[float] | float,
+    refused_: bool,
+    site: str,
+    tmp_path: Path,
+    refused: Callable[..., str],
+    vsr: Callable[..., Ran],
+) -> None:
+    """Of a tilting table PGV/PGA is not the same at every scale."""
+    wave = 0.2 * SWELL * np.sin(8.0 * TIME)
+    columns = np.column_stack([0.3 * wave, 40.0 * wave]) * scale
+    write(tmp_path / "again.csv", head, TIME, *columns.round(9).T)
+    given = ("plan", "--site", site, "--set", "motion.files=[again.csv, shaking.csv, tilting.csv]")
+    if refused_:
+        refused(*given, words=("motion.files", "again.csv", "one motion at two scales"))
+    else:
+        assert vsr(*given).code == 0
+
+
 def test_runs_of_motions_in_several_axes(
     site: str, vsr: Callable[..., Ran], derived: Path, tmp_path: Path
 ) -> None:
