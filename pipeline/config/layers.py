@@ -262,7 +262,8 @@ def _find(name: str, folder: Path, what: str) -> Path:
         return folder / f"{name}.yaml"
     names, option = known(folder), f"--{what}"
     if not name:
-        remedy = f"give one, e.g. {option} {names[0]}, or with make {what.upper()}={names[0]}"
+        variable = "LIMITS" if what == "table" else what.upper()  # TABLE is a folder of tests
+        remedy = f"give one, e.g. {option} {names[0]}, or with make {variable}={names[0]}"
         raise InputError(Problem(option, "", "", f"no {what} given", remedy))
     near = difflib.get_close_matches(name, names, 1)
     remedy = f"did you mean {near[0]}?" if near else "give one of them, or the path of a YAML file"
