@@ -27,7 +27,7 @@ from pipeline.config.paths import working_folder
 from pipeline.config.problems import InputError as InputError
 from pipeline.config.problems import Problem
 from pipeline.config.yaml_text import in_yaml
-from pipeline.workflow import graph, output
+from pipeline.workflow import graph, option_values, output
 from pipeline.workflow.cluster import GUARDED
 from pipeline.workflow.command_line import parsed
 from pipeline.workflow.jobs import job_of
@@ -120,7 +120,9 @@ def run(
     if product in WITHOUT_DATASET:
         rule, remedy = "it has no dataset", f"use the command vsr run {product}"
         raise InputError(Problem("vsr.run", "", product, rule, remedy))
-    folder = Path(os.path.expanduser(derived or working_folder() / "data" / "derived"))  # noqa: PTH111 (never fails)
+    folder = working_folder() / "data" / "derived"
+    if derived is not None:
+        folder = option_values.folder(os.fspath(derived))
     settings: list[str] = []
     for layer in (*layers, keys):
         if not isinstance(layer, Mapping):

@@ -103,8 +103,8 @@ def prep(options: argparse.Namespace) -> int:
 
 def _inspected(question: str, options: argparse.Namespace) -> int:
     """Print what would run and what it costs, what is done, or why something would run again."""
-    about = ("site", "product", "study", "name", "settings", "table")
-    if question == "status" and not any(vars(options)[name] for name in about):
+    about = (vars(options)[name] for name in ("product", "study", "name", "settings", "table"))
+    if question == "status" and not options.site and all(one in (None, []) for one in about):
         return _told(named("pipeline.status:overview")(options.derived), options)
     sweep = sweep_of(options)
     product = options.product or ("fragility" if sweep is None else "study")

@@ -51,6 +51,7 @@ LINES = {
     "an empty site": (("run", "fragility", "--site", ""), "--site: no site given"),
     "no study": (("run", "study", *SITE), "--study: no study given", "STUDY=friction"),
     "an empty study": (("plan", *SITE, "--study", ""), "--study: no study given", "STUDY="),
+    "an empty study of all": (("status", "--study", ""), "--site: no site given"),
     "no limits": (("feasible", *SITE, "--table", ""), "--table: no table", "make LIMITS=mini_sh"),
     "no folder of commands": (("feasible", *SITE, "--export", ""), "--export: got ''", "empty"),
     "no such study": (("plan", *SITE, "--study", "frictoin"), "--study", "did you mean friction?"),

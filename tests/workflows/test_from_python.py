@@ -163,6 +163,13 @@ def test_a_name_that_is_no_folder_of_results_is_refused(name: Any, tmp_path: Pat
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
+def test_an_empty_folder_of_results_is_refused(tmp_path: Path) -> None:
+    """As of the command; only None is the default."""
+    with pytest.raises(vsr.InputError, match=r"^--derived: got ''; "):
+        vsr.run("rock", BLOCK, derived="", workers=0)
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("own", ["# mine\nrock: {shape: box}\n", '{"rock": 1}\n', "", "\0"])
 def test_a_file_by_another_hand_is_not_written_over(own: str, tmp_path: Path) -> None:
     path = tmp_path / "rock.yaml"
