@@ -109,8 +109,8 @@ class Comparison(Section):
     study: str | None = Field(
         None,
         description="study over that of the command and over its settings, by name or by the "
-        "path of its YAML, relative to the file that names it; compared without them where they "
-        "do not go together",
+        "path of its YAML, relative to the file that names it; where it does not go with their "
+        "motion, compared without that",
     )
     set: Annotated[tuple[str, ...], Lax] = Field((), description="settings, each key=value")
 

@@ -127,14 +127,16 @@ def load_site(
     study: str | None = None,
     settings: tuple[str, ...] = (),
     over: tuple[str, tuple[str, ...]] | None = None,
+    without: str = "",
 ) -> Site:
     """Merge base, site, study and ``key=value`` settings, later ones over earlier ones.
 
     Parameters
     ----------
     over : another study and settings of its own, over all of these
+    without : a section that is left out of the study and the settings below those
     """
-    layers = read_layers(site, study, settings, over)
+    layers = read_layers(site, study, settings, over, without)
     if layers.sweep is not None:
         rule, remedy = "this command takes no sweep", "leave out the study, or its sweep"
         raise InputError(Problem(layers.files[-1][0], "sweep", "", rule, remedy))
@@ -220,6 +222,7 @@ def read_layers(
     study: str | None,
     settings: tuple[str, ...],
     over: tuple[str, tuple[str, ...]] | None = None,
+    without: str = "",
 ) -> Layers:
     """Read base, site and study, and ``key=value`` settings; and others over all of these."""
     path = _find(site, SITES, "site")
@@ -227,6 +230,8 @@ def read_layers(
     files = [(shown(file), _read(file)) for file in paths]
     given = tuple(map(_setting, one_by_one(settings)))
     if over is not None:
+        for layer in (*(content for _, content in files[2:]), *given):
+            layer.pop(without, None)
         paths.append(_find(over[0], STUDIES, "study"))
         files += [*(("--set", layer) for layer in given), (shown(paths[-1]), _read(paths[-1]))]
         given = tuple(map(_setting, one_by_one(over[1])))

@@ -62,6 +62,7 @@ def of_job(sweep: Sweep, stage: str, job: Job) -> Swept:
     for member in sweep.members:
         store = Store(folder / member.name, job.store, lenders)
         store.lends(stages)
+        job.store.check_apart(member.site.read)
         log = partial(_log, job, member)
         jobs[member.place] = replace(job, site=member.site, store=store, log=log)
     whole = replace(job, site=sweep.reference.site, store=Store(folder, job.store))

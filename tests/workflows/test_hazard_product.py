@@ -912,11 +912,11 @@ RECORDED = f"{{kind: record, files: waves, pga: [0.3], processing: {PROCESSED}}}
         (f"motion: {RECORDED}", (), "motion: {pga: 0.5}", "record", 0.6, ""),
         (
             *(f"motion: {RECORDED}", ("contact.friction=0.8",), "motion: {pgv_pga: 0.1}"),
-            *("cosine_pulse", 0.8, "the study given.yaml"),
+            *("cosine_pulse", 0.8, "the motion of the command"),
         ),
         (
             *("contact: {friction: 0.7}", (f"motion={RECORDED}",), "motion: {pgv_pga: 0.1}"),
-            *("cosine_pulse", 0.6, "what the command sets"),
+            *("cosine_pulse", 0.7, "the motion of the command"),
         ),
     ],
 )
@@ -950,7 +950,7 @@ def test_a_study_that_is_compared_lies_over_all_of_the_command_that_it_goes_with
 def test_what_a_comparison_leaves_out_of_the_command_is_told_once(vsr: Callable[..., Ran]) -> None:
     compare = "hazard.compare=[{name: coarse, study: coarse_grid}]"
     ran = vsr("plan", "hazard", "--site", "double_rock", "--study", "records", "--set", compare)
-    told = "warning: --set: hazard.compare: coarse: coarse_grid does not go with the study records"
+    told = "warning: --set: hazard.compare: coarse: coarse_grid does not go with the motion of"
     assert (ran.code, ran.err.count(told)) == (cli.DONE, 1), ran.err
 
 

@@ -93,8 +93,8 @@ def whole(
 
     Parameters
     ----------
-    on_rock : int, a face whose piece it is in place of the largest; of a face on an island, the one
-        rock around it
+    on_rock : int, a face whose piece it is in place of the largest; of a face on an island of
+        ground, the one rock around it
 
     Returns
     -------
@@ -124,7 +124,7 @@ def whole(
         return found
 
     before, given, chosen = rock, None, on_rock
-    if on_rock is not None:  # which may lie on an island, in rock or between several rocks
+    if on_rock is not None and not rock[on_rock]:  # an island in rock, or between several rocks
         piece = pieces(rock[one] == rock[other])
         outside = np.isin(piece, piece[outer & ~rock])
         outermost = np.isin(piece, piece[rock & (outer | touched(outside))])

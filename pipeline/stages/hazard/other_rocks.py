@@ -216,16 +216,13 @@ def _with_other_settings(one: Comparison, origin: Origin) -> tuple[Site, str]:
     if one.study is None:
         return load_site(file, study, (*settings, *one.set)), ""
     over = _named(one.study, origin, "hazard.compare"), one.set
-    for without, below, given in (
-        ("", study, settings),
-        (f"the study {study}", None, settings),
-        ("what the command sets", None, ()),
-    ):
+    try:
+        return load_site(file, study, settings, over), ""
+    except InputError as error:
         try:
-            return load_site(file, below, given, over), without
-        except InputError as error:
-            refused = error
-    raise refused  # by what is its own
+            return load_site(file, study, settings, over, "motion"), "the motion of the command"
+        except InputError:
+            raise error from None
 
 
 def _check_comparison(origin: Origin, one: Comparison, site: Site) -> None:

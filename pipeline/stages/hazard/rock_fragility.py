@@ -139,7 +139,8 @@ def of_members(data: xr.Dataset) -> RockFragility:
         ``member_boundary`` on (member, yaw, pgv_pga), ``overturned`` on (member, yaw, pgv_pga,
         pga), -1 where unresolved, and the lognormal fits ``theta`` and ``beta`` on (yaw, pgv_pga),
         by which all go on beyond the PGA that was tried: below it, draws that slide and never
-        topple would be counted as some that topple a little beyond.
+        topple would be counted as some that topple a little beyond. Rows without a verdict go by
+        the fits, which lie between their neighbours there.
     """
     row = rows_of(data)
     ratio = "pgv_pga" if row == "pgv_pga" else "record_pgv_pga"
@@ -151,8 +152,10 @@ def of_members(data: xr.Dataset) -> RockFragility:
     tried = in_si.acceleration(np.array(tested))
 
     def rows_with(cells: Array, edges: Array, own: slice) -> RowFragility:
-        rows = partial(_share, levels, cells, edges)
-        return continued_rows(rows, tried, lognormal_rows(theta[own], beta[own]))
+        fitted = lognormal_rows(theta[own], beta[own])
+        rows = continued_rows(partial(_share, levels, cells, edges), tried, fitted)
+        unknown = np.asarray(np.isnan(edges).all(axis=0))[:, None]
+        return lambda level: np.where(unknown, fitted(level), rows(level))
 
     every, yaws = slice(None), [(float(yaw), i) for i, yaw in enumerate(data["yaw"].values)]
     members = list(zip(overturned, edges, strict=True))

@@ -97,17 +97,20 @@ def _keep(name: str, original: Original, file: Path, folder: Path) -> Path:
     files = {}
     if original.tests:
         files = {path.name: path.read_bytes() for path in (CONFIGS / "tests" / name).iterdir()}
-    note = folder / ORIGIN
+    note, own = folder / ORIGIN, json.dumps(facts, indent=1).encode()
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
+        changed = os.path.lexists(note) and not _holds(note, own)
         if note.is_symlink():  # to the note of another scan, which stays
             note.unlink()
         there = sorted(one for one in files if os.path.lexists(folder / one))
         others = [one for one in there if not _holds(folder / one, files[one])]
     for one in files.keys() - there:
         output.put("vsr fetch", folder / one, binary(files[one]))
-    output.put("vsr fetch", note, binary(json.dumps(facts, indent=1).encode()))
+    output.put("vsr fetch", note, binary(own))
     output.put("vsr fetch", final, binary(held))  # last: with it the folder is whole
+    if changed:
+        complain(f"vsr: warning: {folder}: {ORIGIN}, which was of another scan, written anew")
     if others:
         told = f"{listed(others)} other than what comes with {name} by now, left as found"
         complain(f"vsr: warning: {folder}: {told}")

@@ -179,6 +179,7 @@ class Scaled(NamedTuple):
     left : float, a number of it that a scale leaves, of few motions the same
     samples : ndarray, shape (n, ...), of positions or accelerations
     azimuth : float, of what its axes are [rad]
+    within : float, as a share of the largest sample, by which samples of few digits may differ
     """
 
     file: str
@@ -186,6 +187,7 @@ class Scaled(NamedTuple):
     interval: float
     samples: Array
     azimuth: float = 0.0
+    within: float = 1e-5
 
     def differs_in_scale_only(self, other: Scaled) -> bool:
         """Whether the one is the other times a positive number."""
@@ -195,7 +197,7 @@ class Scaled(NamedTuple):
         if not np.isclose(self.interval, other.interval, rtol=1e-6):
             return False
         first, second = (values / np.abs(values).max() for values in (first, second))
-        return bool(np.allclose(first, second, rtol=0.0, atol=1e-5))
+        return bool(np.allclose(first, second, rtol=0.0, atol=self.within))
 
 
 def refuse_copies(file: str, key: str, motions: Iterable[Scaled]) -> None:
@@ -203,7 +205,8 @@ def refuse_copies(file: str, key: str, motions: Iterable[Scaled]) -> None:
     found = sorted(motions, key=lambda one: one.left)
     numbers = [one.left for one in found]
     for place, one in enumerate(found):
-        for other in found[place + 1 : bisect_right(numbers, (1.0 + _ALIKE) * one.left)]:
+        most = (1.0 + max(_ALIKE, one.within)) * one.left
+        for other in found[place + 1 : bisect_right(numbers, most)]:
             if one.differs_in_scale_only(other):
                 given = f"{one.file} and {other.file}, which are one motion at two scales"
                 rule = "each record is scaled to every PGA"

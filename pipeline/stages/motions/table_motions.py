@@ -97,10 +97,15 @@ def _digest(motion: SampledMotion) -> str:
 
 
 def _at_any_scale(file: str, motion: SampledMotion) -> record_inputs.Scaled:
-    """What it has in common with itself at another scale: no PGV/PGA, of a table that tilts."""
-    sizes = np.abs(motion.samples)
+    """What it has in common with itself at another scale: no PGV/PGA, of a table that tilts.
+
+    Accelerations, as it is by these that it shakes, wherever its zero is and however far it goes.
+    """
+    bends = np.diff(motion.samples, 2, axis=0)
+    sizes = np.abs(bends)
     step = motion.duration / (len(motion.time) - 1)
-    return record_inputs.Scaled(file, float(sizes.mean() / sizes.max()), step, motion.samples)
+    left = float(sizes.mean() / sizes.max())
+    return record_inputs.Scaled(file, left, step, bends, within=0.005)
 
 
 def _moving(motion: SampledMotion) -> SampledMotion:

@@ -374,6 +374,26 @@ def test_the_mean_of_draws_counts_those_that_slide_and_never_topple() -> None:
     np.testing.assert_allclose(rock.mean(levels), each)
 
 
+def test_a_row_without_a_verdict_goes_by_the_fit_between_its_neighbours() -> None:
+    pga = np.array([0.25, 0.5, 1.0])
+    boundary = np.array([[[0.4, np.nan]]])
+    cells = np.where(np.isnan(boundary)[..., None], -1, pga > boundary[..., None]).astype(np.int8)
+    data = xr.Dataset(
+        {
+            "overturned": (("member", "yaw", "pgv_pga", "pga"), cells),
+            "member_boundary": (("member", "yaw", "pgv_pga"), boundary),
+            "theta": (("yaw", "pgv_pga"), [[0.4, 0.4]]),
+            "beta": (("yaw", "pgv_pga"), [[0.1, 0.1]]),
+        },
+        {"yaw": [0.0], "pgv_pga": [0.1, 0.2], "pga": pga},
+        {"searched_from_g": 0.25, "searched_to_g": 1.0},
+    )
+    rock, levels = of_members(numbered(data)), GRAVITY * np.array([0.3, 0.45, 2.0])
+    for rows in (rock.mean, *rock.others, *rock.by_yaw.values()):
+        np.testing.assert_allclose(rows(levels)[0], [0.0, 1.0, 1.0])
+        np.testing.assert_allclose(rows(levels)[1], norm.cdf(10.0 * np.log(levels / GRAVITY / 0.4)))
+
+
 def test_draws_of_one_direction_go_on_by_its_own_fit() -> None:
     """None fell up to 1 g in either direction, of which one has a median of 2 g, and one of 8 g."""
     data = xr.Dataset(

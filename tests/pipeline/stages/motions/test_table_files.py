@@ -147,8 +147,10 @@ def site(tmp_path: Path, write_site: Callable[..., str]) -> str:
         ("time [s],x [m],yaw [degree]", 0.5, False),
     ],
 )
+@pytest.mark.parametrize("zero", [0.0, 2.0])
 def test_one_motion_at_two_scales_is_refused(
     head: str,
+    zero: float,
     scale: list[float] | float,
     refused_: bool,
     site: str,
@@ -158,7 +160,7 @@ def test_one_motion_at_two_scales_is_refused(
 ) -> None:
     """Of a tilting table PGV/PGA is not the same at every scale."""
     wave = 0.2 * SWELL * np.sin(8.0 * TIME)
-    columns = np.column_stack([0.3 * wave, 40.0 * wave]) * scale
+    columns = np.column_stack([zero + 0.3 * wave, 40.0 * wave]) * scale
     write(tmp_path / "again.csv", head, TIME, *columns.round(9).T)
     given = ("plan", "--site", site, "--set", "motion.files=[again.csv, shaking.csv, tilting.csv]")
     if refused_:
