@@ -93,9 +93,10 @@ simulation: {time_step: 0.002}
 
 CLIENT = """
 import os, signal, sys
+from dataclasses import replace
 
 from pipeline.cli import main
-from pipeline.stages.runs import runner
+from pipeline.stages.runs import overturning_runs, runner
 from pipeline.workflow.run_store import RunStore
 
 left, add = [int(sys.argv.pop(1))], RunStore.add
@@ -107,7 +108,9 @@ def killed_after(store, rows):
         os.kill(os.getpid(), signal.SIGKILL)
 
 RunStore.add = killed_after
-runner.SMALL, runner.QUICK_BATCH, runner.LARGEST_BATCH = 0, 4, 4
+runner.SMALL, runner.LARGEST_BATCH = 0, 4
+for kind in ("KIND", "LINES"):
+    setattr(overturning_runs, kind, replace(getattr(overturning_runs, kind), batch=4))
 sys.exit(main(sys.argv[1:]))
 """
 

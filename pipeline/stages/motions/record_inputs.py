@@ -44,6 +44,9 @@ LARGEST_FILE = 256 * 1024**2
 _ALIKE = 1e-3
 """Share by which what a scale leaves differs at two scales, in samples of few digits."""
 
+_PEAKS = 0.04
+"""The same of accelerations that positions of few digits have."""
+
 LARGEST_RESPONSE = 64 * 1024**2
 """Bytes of the responses of instruments: of a whole network's."""
 
@@ -179,7 +182,7 @@ class Scaled(NamedTuple):
     left : float, a number of it that a scale leaves, of few motions the same
     samples : ndarray, shape (n, ...), of positions or accelerations
     azimuth : float, of what its axes are [rad]
-    within : float, as a share of the largest sample, by which samples of few digits may differ
+    peak : float, of what of it shakes, by the largest sample, where that is told beside these
     """
 
     file: str
@@ -187,7 +190,7 @@ class Scaled(NamedTuple):
     interval: float
     samples: Array
     azimuth: float = 0.0
-    within: float = 1e-5
+    peak: float = 0.0
 
     def differs_in_scale_only(self, other: Scaled) -> bool:
         """Whether the one is the other times a positive number."""
@@ -196,8 +199,10 @@ class Scaled(NamedTuple):
             return False
         if not np.isclose(self.interval, other.interval, rtol=1e-6):
             return False
+        if not np.isclose(self.peak, other.peak, rtol=_PEAKS):
+            return False
         first, second = (values / np.abs(values).max() for values in (first, second))
-        return bool(np.allclose(first, second, rtol=0.0, atol=self.within))
+        return bool(np.allclose(first, second, rtol=0.0, atol=1e-5))
 
 
 def refuse_copies(file: str, key: str, motions: Iterable[Scaled]) -> None:
@@ -205,8 +210,7 @@ def refuse_copies(file: str, key: str, motions: Iterable[Scaled]) -> None:
     found = sorted(motions, key=lambda one: one.left)
     numbers = [one.left for one in found]
     for place, one in enumerate(found):
-        most = (1.0 + max(_ALIKE, one.within)) * one.left
-        for other in found[place + 1 : bisect_right(numbers, most)]:
+        for other in found[place + 1 : bisect_right(numbers, (1.0 + _ALIKE) * one.left)]:
             if one.differs_in_scale_only(other):
                 given = f"{one.file} and {other.file}, which are one motion at two scales"
                 rule = "each record is scaled to every PGA"

@@ -99,13 +99,14 @@ def _digest(motion: SampledMotion) -> str:
 def _at_any_scale(file: str, motion: SampledMotion) -> record_inputs.Scaled:
     """What it has in common with itself at another scale: no PGV/PGA, of a table that tilts.
 
-    Accelerations, as it is by these that it shakes, wherever its zero is and however far it goes.
+    Where its zero is says nothing, but of the tilt, by which gravity acts.
     """
-    bends = np.diff(motion.samples, 2, axis=0)
-    sizes = np.abs(bends)
+    level = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 1.0])
+    moved = motion.samples - level * motion.samples[0]
+    most = float(np.abs(moved).max())
     step = motion.duration / (len(motion.time) - 1)
-    left = float(sizes.mean() / sizes.max())
-    return record_inputs.Scaled(file, left, step, bends, within=0.005)
+    left, peak = float(np.abs(moved).mean()) / most, motion.peak_acceleration / most
+    return record_inputs.Scaled(file, left, step, moved, peak=peak)
 
 
 def _moving(motion: SampledMotion) -> SampledMotion:
