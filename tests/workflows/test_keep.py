@@ -138,7 +138,7 @@ def some(shared, items):
     done.append(items)
     return overturning_runs.line_batch(shared, items)
 
-runner.LARGEST_BATCH = runner.QUICK_BATCH = 1
+runner.LARGEST_BATCH = 1
 overturning_runs.LINES = replace(overturning_runs.LINES, function=some)
 sys.exit(main(sys.argv[1:]))
 """
