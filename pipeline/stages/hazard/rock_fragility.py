@@ -105,9 +105,7 @@ def of_fits(fits: Fits) -> RockFragility:
     data = data.isel({rows_of(data): np.argsort(data["pgv_pga"].values, kind="stable")})
     known = np.isfinite(data["theta"].values).all(axis=2)
     if not known.any():
-        given = "no direction with a fragility"
-        rule, remedy = "some runs have a verdict", "look at report.html"
-        raise InputError(Problem(str(fits.folder / fits.FILE), "theta", given, rule, remedy))
+        raise _without_fragility(str(fits.folder / fits.FILE), "report.html")
     theta = in_si.acceleration(data["theta"].values)
     ends = in_si.acceleration(data["theta_interval"].values)
     ends = np.where(np.isfinite(ends), ends, theta[..., None])
@@ -141,11 +139,18 @@ def of_members(data: xr.Dataset) -> RockFragility:
         by which all go on beyond the PGA that was tried: below it, draws that slide and never
         topple would be counted as some that topple a little beyond. Rows without a verdict go by
         the fits, which lie between their neighbours there.
+
+    Raises
+    ------
+    InputError
+        If no direction has a fragility.
     """
     row = rows_of(data)
     ratio = "pgv_pga" if row == "pgv_pga" else "record_pgv_pga"
     data = data.isel({row: np.argsort(data[ratio].values, kind="stable")})
     data = data.isel(yaw=np.flatnonzero(np.isfinite(data["theta"].values).all(axis=1)))
+    if not data.sizes["yaw"]:
+        raise _without_fragility("uncertainty.nc", "uncertainty.html")
     theta, beta = in_si.acceleration(data["theta"].values), data["beta"].values
     levels, edges = (in_si.acceleration(data[name].values) for name in ("pga", "member_boundary"))
     overturned, tested = data["overturned"].values, _searched(data)
@@ -176,6 +181,11 @@ def of_members(data: xr.Dataset) -> RockFragility:
         data["drawn_seed"].values - FIRST_SEED,
     )
     return found.one_row_each()
+
+
+def _without_fragility(file: str, page: str) -> InputError:
+    rule, remedy = "some runs have a verdict", f"look at {page}"
+    return InputError(Problem(file, "theta", "no direction with a fragility", rule, remedy))
 
 
 def of_photograph(rock: Answered) -> RockFragility:

@@ -388,6 +388,8 @@ def test_a_row_without_a_verdict_goes_by_the_fit_between_its_neighbours() -> Non
         {"yaw": [0.0], "pgv_pga": [0.1, 0.2], "pga": pga},
         {"searched_from_g": 0.25, "searched_to_g": 1.0},
     )
+    with pytest.raises(InputError, match="no direction with a fragility"):
+        of_members(numbered(data.assign(theta=np.nan * data["theta"])))
     rock, levels = of_members(numbered(data)), GRAVITY * np.array([0.3, 0.45, 2.0])
     for rows in (rock.mean, *rock.others, *rock.by_yaw.values()):
         np.testing.assert_allclose(rows(levels)[0], [0.0, 1.0, 1.0])
