@@ -105,7 +105,7 @@ def of_fits(fits: Fits) -> RockFragility:
     data = data.isel({rows_of(data): np.argsort(data["pgv_pga"].values, kind="stable")})
     known = np.isfinite(data["theta"].values).all(axis=2)
     if not known.any():
-        raise _without_fragility(str(fits.folder / fits.FILE), "report.html")
+        raise _without_fragility(str(fits.folder / fits.FILE), "report")
     theta = in_si.acceleration(data["theta"].values)
     ends = in_si.acceleration(data["theta_interval"].values)
     ends = np.where(np.isfinite(ends), ends, theta[..., None])
@@ -150,7 +150,7 @@ def of_members(data: xr.Dataset) -> RockFragility:
     data = data.isel({row: np.argsort(data[ratio].values, kind="stable")})
     data = data.isel(yaw=np.flatnonzero(np.isfinite(data["theta"].values).all(axis=1)))
     if not data.sizes["yaw"]:
-        raise _without_fragility("uncertainty.nc", "uncertainty.html")
+        raise _without_fragility("uncertainty.nc", "uncertainty")
     theta, beta = in_si.acceleration(data["theta"].values), data["beta"].values
     levels, edges = (in_si.acceleration(data[name].values) for name in ("pga", "member_boundary"))
     overturned, tested = data["overturned"].values, _searched(data)
@@ -184,7 +184,7 @@ def of_members(data: xr.Dataset) -> RockFragility:
 
 
 def _without_fragility(file: str, page: str) -> InputError:
-    rule, remedy = "some runs have a verdict", f"look at {page}"
+    rule, remedy = "some runs have a verdict", f"look at {page}.html"
     return InputError(Problem(file, "theta", "no direction with a fragility", rule, remedy))
 
 

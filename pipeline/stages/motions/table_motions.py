@@ -99,10 +99,9 @@ def _digest(motion: SampledMotion) -> str:
 def _at_any_scale(file: str, motion: SampledMotion) -> record_inputs.Scaled:
     """What it has in common with itself at another scale: no PGV/PGA, of a table that tilts.
 
-    Where its zero is says nothing, but of the tilt, by which gravity acts.
+    Where its zero is says nothing, but of its angles, by which gravity and its axes turn.
     """
-    level = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 1.0])
-    moved = motion.samples - level * motion.samples[0]
+    moved = motion.samples - motion.samples[0] * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
     most = float(np.abs(moved).max())
     step = motion.duration / (len(motion.time) - 1)
     left, peak = float(np.abs(moved).mean()) / most, motion.peak_acceleration / most
@@ -110,7 +109,9 @@ def _at_any_scale(file: str, motion: SampledMotion) -> record_inputs.Scaled:
 
 
 def _moving(motion: SampledMotion) -> SampledMotion:
-    if motion.peak_acceleration == 0.0:
+    # of what stands elsewhere than at 0 the spline has accelerations of rounding
+    stands = not np.ptp(motion.samples[:, :3], axis=0).any() and not motion.samples[:, 3:5].any()
+    if stands or motion.peak_acceleration == 0.0:
         raise InvalidInput("a table that never moves", "it is scaled to each PGA", "leave it out")
     return motion
 

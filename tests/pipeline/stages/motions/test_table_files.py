@@ -169,6 +169,18 @@ def test_one_motion_at_two_scales_is_refused(
         assert vsr(*given).code == 0
 
 
+@pytest.mark.parametrize("zero", [0.0, 0.3])
+@pytest.mark.parametrize("turning", [0.0, 20.0])
+def test_a_table_that_stands_or_turns_about_its_middle_shakes_nothing(
+    zero: float, turning: float, site: str, tmp_path: Path, refused: Callable[..., str]
+) -> None:
+    """Wherever it stands: a spline through what is constant has accelerations of rounding."""
+    columns = np.full(len(TIME), zero), turning * SWELL
+    write(tmp_path / "again.csv", "time [s],x [m],yaw [degree]", TIME, *columns)
+    given = ("plan", "--site", site, "--set", "motion.files=[again.csv]")
+    refused(*given, words=("motion.files", "again.csv", "a table that never moves"))
+
+
 def test_runs_of_motions_in_several_axes(
     site: str, vsr: Callable[..., Ran], derived: Path, tmp_path: Path
 ) -> None:
