@@ -20,6 +20,7 @@ from pipeline.stages.uncertainty.draws import Observed
 from pipeline.stages.uncertainty.ensemble import CHECKED, FOLLOWED, REACH
 from pipeline.workflow.datasets import label, rows_of
 from pipeline.workflow.grammar import listed
+from vsr_core.arrays import Array
 from vsr_core.outcome import FoundBy
 from vsr_core.uncertainty import step_error
 from vsr_core.uncertainty.probability import chance
@@ -60,7 +61,7 @@ def facts(
         "tolerance": step.tolerance,
         "within": step.within,
         "searched": [found.attrs[name] for name in SEARCHED],
-        "never": int(np.isinf(found["member_boundary"].values).any(axis=(1, 2)).sum()),
+        "never": standing_aside(found["member_boundary"].values),
         "runs": int(found["member_runs"].sum()),
         "each": float(found["member_runs"].mean()),
         "middle_ratio": float(found[_ratios(found)][_middle(found)]),
@@ -168,6 +169,22 @@ def _width(found: xr.Dataset) -> float:
 
 def _median(values: np.ndarray) -> float:
     return float(np.median(values)) if values.size else math.nan
+
+
+def standing_aside(boundary: Array) -> int:
+    """Most draws that topple nowhere in a direction and at a PGV/PGA at which most others do.
+
+    Parameters
+    ----------
+    boundary : ndarray, shape (draws, yaws, rows), infinite where a draw does not topple
+
+    Examples
+    --------
+    >>> standing_aside(np.array([[[np.inf, np.inf]], [[0.4, np.inf]], [[0.5, np.inf]]]))
+    1
+    """
+    stand = np.isinf(boundary).sum(axis=0)
+    return int(np.max(stand, where=2 * stand < len(boundary), initial=0))
 
 
 def widest(found: xr.Dataset) -> dict[str, float]:
