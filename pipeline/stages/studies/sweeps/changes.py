@@ -65,7 +65,7 @@ class Change:
     ----------
     mean, low, high : float, change of the boundary [1]: geometric mean, 10 and 90 % of all rows
     apart, rows : int, rows whose boundaries are apart, and all that can be compared
-    lost : int, rows with a boundary at the reference where nothing topples here
+    lost : int, rows that topple at the reference and not here
     toppled : float, share of the decided runs that topple
     bounded : bool, whether something topples, on the grid or beyond it
     time_step : float [s]
@@ -94,9 +94,17 @@ class Change:
 
 
 def along(data: xr.Dataset, sweep: Sweep, dimension: Dimension) -> xr.Dataset:
-    """The part along one dimension, at the references of all others."""
+    """The part along one dimension, at the references of all others.
+
+    Boundaries of rows that topple at the lowest PGA are -inf, and so below all others in a median:
+    the value that is stored for them is an assumption.
+    """
     others = {one.name: one.reference for one in sweep.dimensions if one is not dimension}
-    return data.isel(others)
+    part = data.isel(others)
+    if BOUNDARY not in part:
+        return part
+    above = part[LOWER].notnull() | ~np.isfinite(part[UPPER])
+    return part.assign({name: part[name].where(above, -np.inf) for name in (BOUNDARY, LOWER)})
 
 
 def changes(data: xr.Dataset, dimension: Dimension) -> list[Change]:
@@ -111,7 +119,7 @@ def changes(data: xr.Dataset, dimension: Dimension) -> list[Change]:
 
 
 def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> Change:
-    both = here[LOWER].notnull() & there[LOWER].notnull() & np.isfinite(there[BOUNDARY])
+    both = np.isfinite(here[LOWER]) & np.isfinite(there[BOUNDARY])
     ratio = (here[BOUNDARY] / there[BOUNDARY]).where(both).values - 1.0
     known = ratio[np.isfinite(ratio)]
     low, high = np.quantile(known, (0.1, 0.9)) if known.size else (np.nan, np.nan)
@@ -128,7 +136,7 @@ def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> C
         high=float(high),
         apart=int(apart.sum()),
         rows=int(compared.sum()),
-        lost=int((np.isfinite(there[LOWER] + there[UPPER]) & np.isinf(here[BOUNDARY])).sum()),
+        lost=int((np.isfinite(there[UPPER]) & (here[BOUNDARY] == np.inf)).sum()),
         toppled=(here["overturned"] == 1).sum().item() / decided if decided else np.nan,
         bounded=bool(np.isfinite(here[UPPER]).any()),
         time_step=_largest(here["time_step"]),
@@ -140,10 +148,7 @@ def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> C
 def _interval(data: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
     """Ends of the boundary's interval; infinite above where nothing topples, nan where none ran."""
     error = data["boundary_error"].fillna(0.0)
-    first = data[UPPER]
-    topples_at_once = data[LOWER].isnull() & first.notnull()
-    last = data[LOWER].where(~topples_at_once, 0.0)
-    return last * (1.0 - error), first * (1.0 + error)
+    return data[LOWER].clip(min=0.0) * (1.0 - error), data[UPPER] * (1.0 + error)
 
 
 def filled(data: xr.Dataset) -> xr.Dataset:

@@ -160,7 +160,7 @@ def _cells(axes: Axes, one: xr.Dataset) -> QuadMesh:
 
 
 def _curve(one: xr.Dataset) -> Array:
-    """Boundary at each PGV/PGA, the median of all else [g]; nan where nothing topples."""
+    """Boundary at each PGV/PGA, the median of all else [g]; nan where none was found."""
     boundary = one[BOUNDARY]
     others = [dim for dim in boundary.dims if dim != "pgv_pga"]
     values: Array = boundary.median(others).values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import xarray as xr
 
 from pipeline.config.sweep import Dimension
-from pipeline.stages.studies.sweeps.changes import Change, about, changes, collapsed, spread
+from pipeline.stages.studies.sweeps.changes import Change, about, along, changes, collapsed, spread
 from pipeline.stages.studies.sweeps.study import _by_record
 from vsr_core import GRAVITY
 from vsr_core.fragility.boundary import middle
@@ -26,7 +27,7 @@ def study(*places: list[tuple[float, float]], error: float = np.nan) -> xr.Datas
     last, first = np.moveaxis(np.array(places), -1, 0)
     overturned = (first[..., None] <= PGA + 1e-9).astype(int)
     dims = ("size", "pgv_pga")
-    return xr.Dataset(
+    data = xr.Dataset(
         {
             "first_overturning_pga": (dims, middle(PGA, last, first)),
             "first_overturning_pga_lower": (dims, last),
@@ -38,6 +39,8 @@ def study(*places: list[tuple[float, float]], error: float = np.nan) -> xr.Datas
         },
         {"pgv_pga": RATIO, "pga": PGA},
     )
+    sweep: Any = SimpleNamespace(dimensions=(SIZE,))
+    return along(data, sweep, SIZE)
 
 
 def compared(*places: list[tuple[float, float]], error: float = np.nan) -> list[Change]:

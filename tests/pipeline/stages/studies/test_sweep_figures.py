@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
-from test_sweep_changes import NEVER, study
+from test_sweep_changes import AT_ONCE, NEVER, study
 
 from pipeline.config.sweep import Dimension
 from pipeline.stages.studies.sweeps.study import _over
@@ -32,8 +32,17 @@ def test_a_line_over_the_key_breaks_at_a_place_where_nothing_topples() -> None:
     assert high > 0.004
 
 
-def test_a_boundary_breaks_at_a_row_where_nothing_topples() -> None:
-    data = sweep(HERE, NEVER, HERE, HERE)
+def test_a_row_that_topples_at_once_is_below_the_others_in_a_median() -> None:
+    parts = [sweep(*[row] * 4) for row in (AT_ONCE, AT_ONCE, HERE)]
+    lines = boundaries(xr.concat(parts, "yaw", data_vars="all"), STEP, None).axes[0].lines
+    assert np.isnan(lines[1].get_xdata()).all()
+    assert np.isfinite(lines[0].get_xdata()).all()
+
+
+@pytest.mark.parametrize("unbounded", [NEVER, AT_ONCE], ids=["never", "at once"])
+def test_a_boundary_breaks_at_a_row_without_one(unbounded: tuple[float, float]) -> None:
+    """Where nothing topples, and where the lowest PGA does: what is stored then is assumed."""
+    data = sweep(HERE, unbounded, HERE, HERE)
     for lines in (boundaries(data, STEP, None).axes[0].lines, multiples(data, STEP).axes[1].lines):
         gaps = [int(np.isnan(line.get_xdata()).sum()) for line in lines]
         assert sum(gaps) == 1
