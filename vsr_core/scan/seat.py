@@ -263,9 +263,27 @@ def _bearing(rim: Array, hull: ConvexHull, radius: float, bearing: Bearing) -> t
 
 
 def _corners(outline: Array, tolerance: float) -> Array:
-    """As few corners of a convex polygon, shape (k, 2), as keep within a tolerance [m] of it."""
-    kept = shapely.simplify(shapely.Polygon(outline), tolerance)
-    return np.asarray(shapely.get_coordinates(kept)[:-1])
+    """As few corners of a convex polygon, shape (k, 2), as keep within a tolerance [m] of it.
+
+    The corner that is missed least goes first, so that they are the same wherever the outline
+    begins and however it is turned.
+    """
+    kept = [*range(len(outline))]
+
+    def missed(place: int) -> float:
+        """How far the polygon comes to stand off the outline without a corner [m]."""
+        start, end = kept[place - 1], kept[(place + 1) % len(kept)]
+        between = np.arange(start, end + len(outline) * (end < start)) % len(outline)
+        chord, away = outline[end] - outline[start], outline[between] - outline[start]
+        return float(np.abs(away @ [-chord[1], chord[0]]).max() / np.linalg.norm(chord))
+
+    lost = [missed(place) for place in range(len(kept))]
+    while len(kept) > 3 and min(lost) <= tolerance:
+        place = int(np.argmin(lost))
+        del kept[place], lost[place]
+        for beside in (place - 1, place % len(kept)):
+            lost[beside] = missed(beside % len(kept))
+    return outline[kept]
 
 
 def _widest(corners: Array, number: int) -> Array:
@@ -280,9 +298,10 @@ def _widest(corners: Array, number: int) -> Array:
 
 
 def _pyramid(tip: Array, up: Array, height: float) -> Array:
-    """Tip and foot of a steep pyramid, shape (1 + ``_SIDES``, 3) [m]."""
+    """Tip and foot of a steep pyramid, shape (1 + ``_SIDES``, 3) [m], one corner of it outward."""
     turn = 2.0 * np.pi * np.arange(_SIDES)[:, None] / _SIDES
-    u = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
+    outward = tip * [1.0, 1.0, 0.0]
+    u = outward - outward @ up * up
     u /= np.linalg.norm(u)
     foot = np.cos(turn) * u + np.sin(turn) * np.cross(up, u) - 2.0 * up
     return np.vstack([tip, tip + height * foot])

@@ -20,11 +20,11 @@ from vsr_core.terrain.coarsening import coarser
 from vsr_core.terrain.surface import Terrain
 
 NEAR_RADII = 2.0
-"""Distance from the rock, in its radii, up to which the ground is as detailed as its seat."""
+"""Distance from the rock, in its radii, up to which the ground is more detailed than beyond."""
 
-SEAT_SHARE, SLOPE_SHARE = 0.008, 0.04
+NEAR_SHARE, SLOPE_SHARE = 0.008, 0.04
 """How far the ground of runs may be from the one that was scanned, near the rock and beyond, as a
-share of the rock's radius."""
+share of the rock's radius; that which may bear the rock stays as it was scanned."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,15 +49,13 @@ def whole_ground(data: xr.Dataset) -> Terrain:
 
 def bed(data: xr.Dataset, rock: Rock, *, reduce: bool) -> Bed:
     """The ground of a scan, or of a file of its own, light enough to run on."""
-    whole = whole_ground(data)
-    scanned_together = "terrain_unseen" in data
-    light = whole
+    whole = light = whole_ground(data)
+    unseen = np.zeros(len(whole.faces), dtype=bool)
+    if "terrain_unseen" in data:
+        unseen = data["terrain_unseen"].values.astype(bool)
     if reduce:
-        kept = None if scanned_together else _below(whole, rock)
-        light = coarser(whole, partial(_tolerance, rock), kept)
-    if not scanned_together:
-        return Bed(light, ())
-    return Bed(light, seat.seams(whole, data["terrain_unseen"].values.astype(bool)))
+        light = coarser(whole, partial(_tolerance, rock), _below(whole, rock) & ~unseen)
+    return Bed(light, seat.seams(whole, unseen))
 
 
 def _below(ground: Terrain, rock: Rock) -> Mask:
@@ -69,7 +67,7 @@ def _below(ground: Terrain, rock: Rock) -> Mask:
 
 def _tolerance(rock: Rock, points: Array) -> Array:
     near = np.hypot(points[:, 0], points[:, 1]) < NEAR_RADII * rock.radius
-    return np.where(near, SEAT_SHARE, SLOPE_SHARE) * rock.radius
+    return np.where(near, NEAR_SHARE, SLOPE_SHARE) * rock.radius
 
 
 def laid(own: Bed, rock: Rock, seated: Rock, bearing: seat.Bearing) -> tuple[seat.Seat, float]:

@@ -33,6 +33,12 @@ def seated(bearing: seat.Bearing = "rim") -> tuple[Rock, seat.Seat]:
     return _field.seated(FIELD, bearing)
 
 
+def turn(degrees: float) -> np.ndarray:
+    """About the vertical."""
+    cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
 def test_points_that_bear_tip_as_their_polygon_says() -> None:
     """About the edge of their outline that gives way first, where friction is enough."""
     rock, laid = seated()
@@ -44,6 +50,21 @@ def test_points_that_bear_tip_as_their_polygon_says() -> None:
         friction = 1.3 * pushed / GRAVITY
         found = static_limits.on_points(laid.points, upward, centre, friction, along)[1]
         assert found / static_limits.SAFE_SHARE == pytest.approx(pushed, rel=0.05)
+
+
+@pytest.mark.parametrize("turned", [np.diag([1.0, -1.0, 1.0]), turn(37.0), turn(180.0)])
+def test_a_scan_that_is_mirrored_or_turned_bears_at_the_same_points(turned: np.ndarray) -> None:
+    made, (rock, own, light) = _field.prepared(FIELD)[1], _field.lightened(FIELD)
+    up = np.array([0.0, 0.0, rock.height])
+    loops = [loop @ turned.T for loop in seat.seams(made.terrain, made.seat)]
+    order = slice(None, None, -1 if np.linalg.det(turned) < 0.0 else 1)
+    ground = Terrain(light.vertices @ turned.T, light.faces[:, order])
+    corners, outer = ((body + up) @ turned.T for body in (own.vertices, rock.vertices))
+    laid = seat.seat(ground, loops, corners, outer, "rim")
+    expected = seated()[1].points @ turned.T
+    assert len(laid.points) == len(expected)
+    apart = np.linalg.norm(laid.points[:, None] - expected, axis=2)
+    assert apart.min(axis=1).max() < 1e-9
 
 
 def test_walls_that_hold_it_are_named() -> None:

@@ -118,7 +118,10 @@ def test_a_rock_stands_where_its_pose_says(
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.3])
-def test_the_ground_that_may_bear_a_rock_stays_as_it_was_scanned(slope: float) -> None:
+@pytest.mark.parametrize("together", [False, True], ids=["own file", "one scan"])
+def test_the_ground_that_may_bear_a_rock_stays_as_it_was_scanned(
+    slope: float, together: bool
+) -> None:
     """A plane with waves around it, which have fewer triangles and no gaps."""
     rock = solid.box(SIZE, 2000.0).rock
     sheet = ground(slope, cells=40)
@@ -126,6 +129,8 @@ def test_the_ground_that_may_bear_a_rock_stays_as_it_was_scanned(slope: float) -
     sheet.vertices[:, 2] += 0.1 * np.sin(2.0 * x) * np.sin(3.0 * y) * (np.hypot(x, y) > 0.6)
     corners, faces = (("v", "xyz"), sheet.vertices), (("f", "abc"), sheet.faces)
     scanned = xr.Dataset({"terrain_vertex": corners, "terrain_face": faces})
+    if together:
+        scanned["terrain_unseen"] = ("f", np.zeros(len(sheet.faces), dtype=np.int8))
     light = seating.bed(scanned, rock, reduce=True).ground
     assert len(light.faces) < 0.7 * len(sheet.faces)
     for x, y in np.random.default_rng(1).uniform(-0.25, 0.25, (200, 2)):
