@@ -49,6 +49,9 @@ STEP_SHARE = 0.003
 ROWS, LEVELS, HALVINGS = 8, 10, 4
 """Of the boundary: its PGV/PGA, the PGA tried at first, and how often the interval is halved."""
 
+LEAST = 0.01
+"""PGA tried first at least, as a share of the largest: the limit of what nothing holds is 0."""
+
 JUMP = 0.1
 """Acceleration at t = 0, as a share of the largest, from which on it is a jump."""
 
@@ -243,8 +246,8 @@ def rows(
     shortest = max(ends[0], held / PERIOD_SHARE, 0.05 * ends[-1])
     ratios = np.geomspace(shortest, ends[-1], ROWS if shortest < ends[-1] else 1)
     limits = cases[drives[0].name].static_limits
-    lowest = in_si.in_g(min(-limits[0], limits[1]))
-    levels = np.geomspace(min(lowest, 0.5 * motion.pga[-1]), motion.pga[-1], LEVELS).tolist()
+    lowest, last = in_si.in_g(min(-limits[0], limits[1])), motion.pga[-1]
+    levels = np.geomspace(np.clip(lowest, LEAST * last, 0.5 * last), last, LEVELS).tolist()
     items = [(name, float(ratio)) for ratio in ratios for name in cases]
     work.log(f"drive: boundary of {len(ratios)} PGV/PGA with {len(drives)} drives")
     shared = cases, levels, STEP_SHARE * step_unit(scenes.level_rock)

@@ -189,6 +189,17 @@ def test_products(
     assert "servo" in other.out  # type: ignore[attr-defined]
 
 
+def test_a_rock_that_nothing_holds_is_tried_from_a_small_pga_on(
+    small: None, write_site: Callable[..., str], vsr: Callable[..., object], derived: Path
+) -> None:
+    """Without friction its static limit is 0 (Coulomb), and no pulse topples what slides."""
+    site = write_site(SITE.replace("[0.2, 0.5]", "[0.3]"))
+    ran = vsr("run", "drive", "--site", site, "--workers", "0", "--set", "contact.friction=0")
+    assert ran.code == 0, ran.err  # type: ignore[attr-defined]
+    with xr.open_dataset(derived / "rock" / "drive.nc") as found:
+        assert np.isnan(found["first_overturning_pga"].values).all()
+
+
 def test_an_unstable_servo_is_refused_though_it_is_idle(
     write_site: Callable[..., str], refused: Callable[..., str]
 ) -> None:
