@@ -253,7 +253,7 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     mesh.update_faces(mesh.nondegenerate_faces(height=0.0))
     mesh.remove_unreferenced_vertices()
     if not len(mesh.faces):
-        raise _flat(0.0)
+        raise flat(0.0)
     if len(mesh.vertices) < before:
         repaired.append(f"{before - len(mesh.vertices)} split vertices merged")
     edges = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)[1]
@@ -273,7 +273,7 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     with np.errstate(divide="ignore", invalid="ignore"):  # by a volume of 0, which is refused
         volume = _near(mesh)[0].volume
     if abs(volume) <= FLAT * size**3:
-        raise _flat(volume)
+        raise flat(volume)
     if volume <= 0.0:
         raise NoSolidYet(
             f"a mesh that is inside out (volume {volume:.3g} m3)",
@@ -296,7 +296,8 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     return mesh, tuple(repaired)
 
 
-def _flat(volume: float) -> InvalidInput:
+def flat(volume: float) -> InvalidInput:
+    """The refusal of a mesh without volume [m^3]."""
     return InvalidInput(
         f"a flat mesh (volume {volume:.3g} m3)",
         "a rock has volume",

@@ -279,7 +279,7 @@ def planes_beside(
         raise InvalidPlace(
             "a rock or ground all of whose faces touch the seam",
             "its sides are known from faces beyond the seam",
-            "move pedestal.cut, or scan in triangles that are smaller than the rock",
+            "scan in triangles smaller than the rock, or move pedestal.cut where there is one",
             [points.mean(axis=0)],
         )
     middle = vertices[faces].mean(axis=1)

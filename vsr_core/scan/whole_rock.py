@@ -13,7 +13,7 @@ import trimesh
 
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidPlace
-from vsr_core.rock.solid import LARGEST_LEVELLING, NoSolidYet, checked
+from vsr_core.rock.solid import FLAT, LARGEST_LEVELLING, NoSolidYet, checked, flat
 from vsr_core.rock.triangles import cross_products
 from vsr_core.scan.cleaning import clean, with_area
 from vsr_core.scan.closing import Closing, at, close
@@ -274,6 +274,9 @@ def whole_rock(load: Callable[[], trimesh.Trimesh], closing: Closing, tell: Tell
     vertices, faces = without_chords(vertices, without_slits(vertices, faces))
     all_rock = {"rock": np.ones(len(faces), dtype=bool)}
     with refusing(lambda: Seen(vertices, faces, cleaned.offset, all_rock)):
+        longest, _, thickness = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
+        if thickness <= FLAT * longest:
+            raise flat(0.0)
         holes = _closable(vertices, faces)
         tell(f"closing the rock, holes: {len(holes)}")
         solid, added, notes = _closed(vertices, faces, holes, closing)

@@ -216,6 +216,25 @@ def test_a_wide_hole_is_refused_with_its_place_and_size() -> None:
     assert refused.value.seen.parts["rock"].all()
 
 
+SHEET = trimesh.Trimesh([[0, 0, 0], [1, 0, 0.5], [0, 1, 0]], [[0, 1, 2]], process=False)
+FOLDED = trimesh.Trimesh([*SHEET.vertices, [1, 1, 0]], [[0, 1, 2], [1, 3, 2]], process=False)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "said"),
+    [(SHEET, r"flat mesh \(volume 0 m3\)"), (FOLDED, "move pedestal.cut where there is one")],
+    ids=["one triangle", "two"],
+)
+@pytest.mark.parametrize("closing", ["caps", "hull"])
+@pytest.mark.filterwarnings("error")
+def test_few_triangles_are_refused_as_what_they_are(
+    mesh: trimesh.Trimesh, said: str, closing: Closing
+) -> None:
+    """One has no volume; two of a rock alone have no face away from the rim, nor a cut to move."""
+    with pytest.raises(Refused, match=said):
+        made(mesh, closing)
+
+
 def test_a_hole_in_a_base_that_was_seen_is_filled_without_moving_it() -> None:
     base = stone().triangles_center[:, :2]
     given = less(stone(), (np.hypot(*base.T) < 0.05) & (stone().triangles_center[:, 2] < 0.0))
