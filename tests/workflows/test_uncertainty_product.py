@@ -106,6 +106,8 @@ def test_a_width_is_of_motions_under_which_draws_topple(
     assert not np.isfinite(product(ran, derived)["boundary_high"].values).all()
     page = (derived / "rock" / "uncertainty.html").read_text(encoding="utf-8")
     assert f"{said} 95&nbsp;% of the draws topple" in page
+    nowhere = said.startswith("In no")
+    assert ("2 draws; under no motion do 95 % of them topple" in ran.err) == nowhere
 
 
 def test_a_gain_moves_the_boundary_of_housner(

@@ -258,7 +258,7 @@ def summary(found: xr.Dataset) -> str:
         f"{found.sizes['member']} draws; the 5 to 95 % interval of the boundary spans a factor of "
         f"{width['median']:.2f} in the median direction"
         if width
-        else f"{found.sizes['member']} draws; no boundary within the grid"
+        else f"{found.sizes['member']} draws; under no motion do 95 % of them topple"
     )
     first = listed([row["name"] for row in leaders(order)])
     return text + (f"; largest contribution: {first}" if order else "")
