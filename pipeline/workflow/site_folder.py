@@ -57,7 +57,9 @@ def store_of(site: Site, derived: Path, variant: str | None) -> Store:
         name = own
     home = Store(derived / name)
     store = home if variant is None else Store(derived / f"{name}{of_variant}", home)
-    store.check_apart([site.path, *site.read])
+    named = () if site.request is None else site.request[:2]
+    as_given = (Path(one) for one in named if one and one.endswith((".yaml", ".yml")))
+    store.check_apart([*as_given, site.path, *site.read])
     return store
 
 

@@ -137,11 +137,14 @@ class Store:
 
         Parameters
         ----------
-        paths : of files, or of folders that hold some
+        paths : of files, or of folders that hold some; of a link, where it lies counts, too
         """
         for path, folder in product(paths, (self.folder, self.runs)):
-            if Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder)):
-                given, rule = f"{shown(path)}, which is read", "it holds results and no input"
+            link = os.path.normpath(Path(os.path.realpath(path.parent), path.name))
+            places = map(Path, (link, os.path.realpath(path)))
+            if any(place.is_relative_to(os.path.realpath(folder)) for place in places):
+                given = f"{Path(shown(path.parent), path.name)}, which is read"
+                rule = "it holds results and no input"
                 remedy = "move that, or give another folder with DERIVED="
                 raise InputError(Problem(str(folder), "", given, rule, remedy))
 

@@ -45,7 +45,7 @@ def make(options: argparse.Namespace) -> tuple[Store, int]:
     archive = rock_list.read(path)
     known = keys.digest_file(path)  # before the answers take their time
     store = Store(_folder(options.derived, path))
-    store.check_apart([path])
+    store.check_apart([Path(options.rocks)])
     for problem in archive.problems:
         complain(f"vsr: {problem}")
     shipped = shipped_equations.load()

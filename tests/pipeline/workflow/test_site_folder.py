@@ -61,6 +61,9 @@ OWN = {
     "a study, swept": "run fragility --site boulder.yaml --study rocks/boulder/swept.yaml",
     "limits of a table": "feasible --site boulder.yaml --table rocks/boulder/table.yaml",
     "an archive": "archive rocks/archives/archive/archive.csv",
+    "a link to the site": "run rock --site rocks/linked/config.yaml",
+    "a link to a study": "run rock --site boulder.yaml --study rocks/boulder/linked.yaml",
+    "a link to an archive": "archive rocks/archives/list/archive.csv",
 }
 
 
@@ -86,6 +89,15 @@ def test_no_result_goes_to_where_ones_own_files_are_read(
     shutil.copytree(CURVES, "rocks/boulder/curves")
     Path("rocks/archives/archive").mkdir(parents=True)
     Path("rocks/archives/archive/archive.csv").write_text("name,alpha_1_deg,r_1_m\nA,12,1\n")
+    for place, target in (
+        ("linked/config.yaml", "linked.yaml"),
+        ("boulder/linked.yaml", "two.yaml"),
+        ("archives/list/archive.csv", "list.csv"),
+    ):
+        Path("rocks", place).parent.mkdir(exist_ok=True)
+        Path("rocks", place).symlink_to(Path("rocks", target).resolve())
+    Path("rocks/linked.yaml").write_text(f"{BOX}{STEP}")
+    Path("rocks/list.csv").write_text("name,alpha_1_deg,r_1_m\nA,12,1\n")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     ran = vsr(*OWN[case].split(), into=Path("rocks"))
     assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1), ran
