@@ -121,7 +121,7 @@ def run(
         raise InputError(Problem("vsr.run", "", product, rule, remedy))
     folder = working_folder() / "data" / "derived"
     if derived is not None:
-        folder = option_values.folder(os.fspath(derived))
+        folder = option_values.folder(_path("derived", derived))
     settings: list[str] = []
     for layer in (*layers, keys):
         if not isinstance(layer, Mapping):
@@ -141,7 +141,7 @@ def run(
     given = "--table" if product == "validation" else "--site"
     with _ONE_AT_A_TIME:
         words = [given, os.fspath(file()), *variant, *settings]
-        words += [] if study is None else ["--study", os.fspath(study)]
+        words += [] if study is None else ["--study", _path("study", study)]
         words += [] if workers is None else ["--workers", str(workers)]
         job, _ = commands.made(parsed(["run", product, *words, "--derived", str(folder)]))
         study_of_sweep = job.store.folder / "study.nc"
@@ -225,6 +225,14 @@ def _plain(value: Any) -> Any:
     raise InputError(Problem("vsr.run", "", f"{value!r:.60}", rule, remedy))
 
 
+def _path(key: str, given: Any) -> str:
+    """A path that a parameter gives, as text."""
+    if isinstance(given, str | os.PathLike) and isinstance(text := os.fspath(given), str):
+        return text
+    rule, remedy = "it is a name or a path", "write it as a text"
+    raise InputError(Problem("vsr.run", key, f"{given!r:.60}", rule, remedy))
+
+
 def responses(site: Site, *layers: Settings, **options: Any) -> xr.Dataset:
     """How each run ended: dimensions yaw, friction, pgv_pga and pga."""
     return run("responses", site, *layers, **options)
@@ -261,5 +269,6 @@ def hazard(
     """
     if curves is not None or events is not None:
         given = {"hazard.curves": curves, "hazard.events": events}
-        layers += ({key: path and str(Path(path).resolve()) for key, path in given.items()},)
+        found = {key: path and Path(_path(key, path)).resolve() for key, path in given.items()}
+        layers += (found,)
     return run("hazard", site, *layers, **options)

@@ -170,6 +170,16 @@ def test_an_empty_folder_of_results_is_refused(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("key", ["derived", "study"])
+@pytest.mark.parametrize("path", [5, b"results", ["results"]])
+def test_what_is_no_path_is_refused(key: str, path: Any, tmp_path: Path) -> None:
+    with pytest.raises(vsr.InputError, match=rf"^vsr\.run: {key}: got [^\n]*; it is a name or a"):
+        vsr.run("rock", BLOCK, workers=0, **{key: path})
+    with pytest.raises(vsr.InputError, match=r"^vsr\.run: hazard\.curves: got "):
+        vsr.hazard(BLOCK, curves=path)
+    assert list(tmp_path.rglob("*.nc")) == []
+
+
 @pytest.mark.parametrize("own", ["# mine\nrock: {shape: box}\n", '{"rock": 1}\n', "", "\0"])
 def test_a_file_by_another_hand_is_not_written_over(own: str, tmp_path: Path) -> None:
     path = tmp_path / "rock.yaml"
