@@ -138,8 +138,8 @@ def cell_edges(values: Array) -> Array:
     >>> cell_edges(np.array([1.0, 2.0, 4.0])).tolist()
     [0.5, 1.5, 3.0, 5.0]
     """
-    if values.size == 1:
-        return np.array([0.5 * values[0], 1.5 * values[0]])
+    if values.size == 1:  # the only record of a site is at 0
+        return values + (0.5 * values[0] or 0.5) * np.array([-1.0, 1.0])
     middle = (values[1:] + values[:-1]) / 2
     return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -35,3 +36,9 @@ def test_settings_of_a_user_change_no_byte(key: str) -> None:
     with mpl.rc_context({key: SETTINGS[key]}):
         assert style.png(drawn()) == plain
         assert mpl.rcParams[key] == SETTINGS[key]
+
+
+def test_the_only_row_has_a_cell_of_some_height() -> None:
+    """Records are numbered from 0; half-way to a next one, as between two."""
+    assert style.cell_edges(np.array([0.0])).tolist() == [-0.5, 0.5]
+    assert style.cell_edges(np.array([0.3])).tolist() == pytest.approx([0.15, 0.45])
