@@ -79,7 +79,9 @@ def _of(section: Any, key: str) -> Any:
 
 
 def _instead(name: str, names: list[str]) -> str:
-    """What to write in place of an unknown key."""
+    """What to write in place of an unknown key, such as ``a:1``, which YAML takes for a name."""
+    if ":" in name:
+        return "put a blank after its colon"
     if RENAMED.get(name) in names:
         return f"renamed to {RENAMED[name]}"
     near = difflib.get_close_matches(name, names, 1)

@@ -271,20 +271,21 @@ class Config(Section):
             raise Refused(rule, f"leave out {' and '.join(OF_TRAVEL)}", key="accurate")
         return simulation
 
-    @field_validator("simulation")
-    @classmethod
-    def _knows_the_law(cls, simulation: SimulationConfig, info: ValidationInfo) -> SimulationConfig:
-        contact = info.data.get("contact")
-        if contact is None or contact.restitution_law == "newton":
-            return simulation
-        elsewhere = info.data.get("drive") == "servo" or contact.rolling_friction > 0.0
-        if elsewhere or simulation.engine not in ("auto", COMPILED):
-            raise Refused(
-                f"contact.restitution_law: energetic is only in the engine {COMPILED}, which has "
-                f"no servo and no rolling friction",
-                "set newton",
+    @model_validator(mode="after")
+    def _knows_the_law(self) -> Config:
+        rolling, engine = self.contact.rolling_friction, self.simulation.engine
+        elsewhere = {  # the engine last: auto chooses one for a servo and for rolling friction
+            "drive: servo": self.drive == "servo",
+            f"contact.rolling_friction: {rolling:g}": rolling > 0.0,
+            f"simulation.engine: {engine}": engine not in ("auto", COMPILED),
+        }
+        given = next((name for name, is_so in elsewhere.items() if is_so), "")
+        if self.contact.restitution_law != "newton" and given:
+            rule = (
+                f"it is only in the engine {COMPILED}, which has no servo and no rolling friction"
             )
-        return simulation
+            raise Refused(rule, "set newton", "contact.restitution_law", f"energetic with {given}")
+        return self
 
     @model_validator(mode="after")
     def _stands_on_a_file(self) -> Config:

@@ -190,16 +190,22 @@ WRONG = {
     "engine": ("simulation: {engine: havok}", "simulation.engine", "'havok'", "'bullet'"),
     "energetic in Bullet": (
         "contact: {restitution_law: energetic}\nsimulation: {engine: bullet}",
-        "simulation",
-        "energetic",
+        "contact.restitution_law",
+        "got energetic with simulation.engine: bullet;",
         "nonsmooth",
         "set newton",
     ),
     "energetic on a servo": (
         "contact: {restitution_law: energetic}\ndrive: servo",
-        "simulation",
-        "energetic",
+        "contact.restitution_law",
+        "got energetic with drive: servo;",
         "nonsmooth",
+        "set newton",
+    ),
+    "energetic that rolls": (
+        "contact: {restitution_law: energetic, rolling_friction: 0.001}",
+        "contact.restitution_law",
+        "got energetic with contact.rolling_friction: 0.001;",
         "set newton",
     ),
     "travels nowhere": (
@@ -268,6 +274,8 @@ def test_problem_names_the_layer_it_came_from(
         ("motion.pga.nmu=3", ("motion.pga.nmu", "did you mean num?")),
         ("contact.friction=-1", ("contact.friction", "-1", "0.6")),
         ("a.b=1", ("a", "unknown", "the keys here are")),
+        ("contact={friction:0.4}", ("contact.friction:0.4: unknown", "a blank after its colon")),
+        ("motion.pga={start:1}", ("motion.pga.start:1: unknown", "a blank after its colon")),
         (
             "uncertainty=1 uncertainty.members=5",
             ("--set: uncertainty: got 1", "it is a section of keys"),
