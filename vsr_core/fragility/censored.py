@@ -8,11 +8,14 @@ from scipy.special import expit, logit
 from vsr_core.arrays import Array, Indices
 from vsr_core.fragility.boundary import Cells
 from vsr_core.fragility.logistic import Logistic, is_separated
-from vsr_core.fragility.model import Evaluate, maximise
+from vsr_core.fragility.model import Evaluate, maxima, maximise
 from vsr_core.fragility.spans import Thresholds
 
 NARROWEST = 1e-4
 """Width of an interval [ln g] that the slope is bounded by at the least."""
+
+FLAT = 1e-12
+"""Share of the largest curvature below which the data do not tell a direction."""
 
 
 class CensoredLogistic(Logistic):
@@ -74,17 +77,16 @@ class CensoredLogistic(Logistic):
     def _solve(self, row_weights: Array, tolerance: float) -> Array:
         weights = row_weights[:, self._row]
         start = np.repeat(self._start, len(weights), axis=0)
-        if not self._varied:
-            fell = weights @ np.isfinite(self._high)
-            start[:, 0] = logit((fell + 0.5) / (weights.sum(axis=1) + 1.0))
-            return start
-        if self.separated:
-            return maximise(self._likelihood(weights, prior=True), start, tolerance=tolerance)[0]
-        beta, settled = maximise(self._likelihood(weights, prior=False), start, tolerance=tolerance)
-        lost = ~settled  # rows left out can let a line through all others
-        if lost.any():
-            again = self._likelihood(weights[lost], prior=True)
-            beta[lost] = maximise(again, start[lost], tolerance=tolerance)[0]
+        fell, stood = (weights @ np.isfinite(ends) for ends in (self._high, self._low))
+        beta = np.zeros_like(start)
+        beta[:, 0] = logit((fell + 0.5) / (weights.sum(axis=1) + 1.0))
+        left = np.flatnonzero((fell > 0) & (stood > 0))
+        if not self.separated:
+            plain = self._likelihood(weights[left], prior=False)
+            beta[left], converged = maximise(plain, start[left], tolerance=tolerance)
+            left = left[~converged]  # rows left out can let a line through all others
+        steep = self._likelihood(weights[left], prior=True)
+        beta[left] = maxima(steep, start[left], tolerance=tolerance)
         return beta
 
     def _likelihood(self, weights: Array, *, prior: bool) -> Evaluate:
@@ -124,7 +126,7 @@ class CensoredLogistic(Logistic):
                 score[:, 1] += 1.0 / slope[:, 0] - 1.0 / self._steepest
                 hessian[:, 1, 1] += 1.0 / slope[:, 0] ** 2
             total = np.where(beta[:, 1] > 0.0, total, -np.inf)
-            inverse = np.linalg.pinv(hessian, hermitian=True)
+            inverse = np.linalg.pinv(hessian, FLAT, hermitian=True)
             return total, np.einsum("bij,bj->bi", inverse, score)
 
         return evaluate

@@ -10,7 +10,7 @@ from scipy.special import expit, logit
 
 from vsr_core.arrays import Array, Indices
 from vsr_core.fragility.boundary import Cells
-from vsr_core.fragility.model import Evaluate, FragilityModel, maximise
+from vsr_core.fragility.model import Evaluate, FragilityModel, maxima, maximise
 
 
 class Logistic(FragilityModel):
@@ -27,7 +27,7 @@ class Logistic(FragilityModel):
         """Undo the centring and scaling: shape (batch, p) -> (batch, 3)."""
 
     def refit(self, row_weights: Array) -> Array:
-        return self._unscaled(self._solve(row_weights, tolerance=1e-5))
+        return self._unscaled(self._solve(row_weights, tolerance=1e-6))
 
     def named(self, coefs: Array) -> dict[str, Array]:
         return dict(zip(("b0", "b1", "b2"), coefs.T, strict=True))
@@ -97,16 +97,15 @@ class LogisticFragility(Logistic):
         weights = row_weights[:, self._row]
         start = np.repeat(self._start, len(weights), axis=0)
         if self.separated:
-            return maximise(self._likelihood(weights, firth=True), start, tolerance=tolerance)[0]
+            return maxima(self._likelihood(weights, firth=True), start, tolerance=tolerance)
         beta, converged = maximise(
-            self._likelihood(weights, firth=False), start, tolerance=tolerance, max_iterations=25
+            self._likelihood(weights, firth=False), start, tolerance=tolerance
         )
         # rows left out can separate what the whole grid did not; Newton then never settles
         lost = ~converged
         if lost.any():
-            beta[lost] = maximise(
-                self._likelihood(weights[lost], firth=True), start[lost], tolerance=tolerance
-            )[0]
+            firth = self._likelihood(weights[lost], firth=True)
+            beta[lost] = maxima(firth, start[lost], tolerance=tolerance)
         return beta
 
     def _likelihood(self, weights: Array, *, firth: bool) -> Evaluate:
@@ -131,7 +130,11 @@ class LogisticFragility(Logistic):
                 leverage = variance * (inverse.reshape(len(beta), -1) @ outer.T)
                 residual = residual + leverage * (0.5 - prob)
                 value = value + 0.5 * np.log(np.where(known, eigenvalue, 1.0)).sum(axis=1)
-            return value, np.einsum("bij,bj->bi", inverse, residual @ design)
+            step = np.einsum("bij,bj->bi", inverse, residual @ design)
+            if firth:
+                # the pull bends the likelihood, too: by as much again where a cell fits itself
+                step /= 1.0 + leverage.max(axis=1, keepdims=True)
+            return value, step
 
         return evaluate
 

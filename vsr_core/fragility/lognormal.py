@@ -8,7 +8,7 @@ from scipy.special import log_ndtr, ndtr, ndtri
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.fragility.bisection import OUTWARD
 from vsr_core.fragility.boundary import Cells
-from vsr_core.fragility.model import Evaluate, FragilityModel, maximise
+from vsr_core.fragility.model import Evaluate, FragilityModel, maxima, maximise
 from vsr_core.fragility.spans import STEP, Thresholds
 
 MAX_BETA = 2.0
@@ -158,9 +158,10 @@ class LognormalFragility(FragilityModel):
             np.column_stack([np.zeros(len(rows)), slope]),
         )
         flat = ~converged | (free[:, 1] < slope)
-        level, _ = maximise(
+        level = maxima(
             probit_likelihood(both[:, :1], slope[:, None] * centred, toppled, trials),
             np.zeros((len(rows), 1)),
+            tolerance=1e-8,
         )
         b0, b1 = np.where(flat, level[:, 0], free[:, 0]), np.where(flat, slope, free[:, 1])
         information = _information(b0[:, None] + b1[:, None] * centred, trials)[0]

@@ -117,7 +117,11 @@ class FragilityResult:
 Evaluate = Callable[[Array, Indices], tuple[Array, Array]]
 
 MAX_STEP = 10.0
-"""Largest component of a step; the cap keeps a first step from a flat likelihood finite."""
+"""Largest component of a step, relative to the largest of the unknowns where that exceeds 1: the
+cap keeps a first step from a flat likelihood finite, and steps grow with unknowns that do."""
+
+MANY = 10_000
+"""Steps within which a function that has a maximum comes to it: some hundreds at most."""
 
 
 def maximise(
@@ -132,7 +136,8 @@ def maximise(
         values (n,) and Newton steps (n, p).
     start : ndarray, shape (batch, p)
     tolerance : float
-        A member is done when the largest component of its next step is below this.
+        A member is done when the largest component of its next step is below this, relative to
+        its largest unknown where that exceeds 1.
 
     Returns
     -------
@@ -141,8 +146,8 @@ def maximise(
     """
     beta = np.array(start, dtype=np.float64)
     value, step = evaluate(beta, np.arange(len(beta)))
-    step = _capped(step)
-    converged = np.abs(step).max(axis=1) < tolerance
+    step = _capped(step, beta)
+    converged = _size(step) < tolerance * _scale(beta)
     for _ in range(max_iterations):
         busy = np.flatnonzero(~converged)
         if busy.size == 0:
@@ -153,15 +158,31 @@ def maximise(
         better = trial_value >= value[busy] - 1e-10 * (1.0 + np.abs(value[busy]))
         taken = busy[better]
         beta[taken], value[taken] = trial[better], trial_value[better]
-        step[taken] = _capped(trial_step[better])
+        step[taken] = _capped(trial_step[better], beta[taken])
         step[busy[~better]] /= 2
-        converged[busy] = np.abs(step[busy]).max(axis=1) < tolerance
+        converged[busy] = _size(step[busy]) < tolerance * _scale(beta[busy])
     return beta, converged
 
 
-def _capped(step: Array) -> Array:
-    size = np.abs(step).max(axis=1, keepdims=True)
-    return step * np.minimum(1.0, MAX_STEP / np.maximum(size, MAX_STEP))
+def maxima(evaluate: Evaluate, start: Array, *, tolerance: float) -> Array:
+    """Maxima of functions that have one, as `maximise` finds them; to come to none is an error."""
+    beta, converged = maximise(evaluate, start, tolerance=tolerance, max_iterations=MANY)
+    if not converged.all():
+        raise ArithmeticError(f"{(~converged).sum()} of {len(beta)} fits came to no maximum")
+    return beta
+
+
+def _size(vectors: Array) -> Array:
+    return np.abs(vectors).max(axis=1)
+
+
+def _scale(beta: Array) -> Array:
+    return np.maximum(_size(beta), 1.0)
+
+
+def _capped(step: Array, beta: Array) -> Array:
+    most = MAX_STEP * _scale(beta)
+    return step * (most / np.maximum(_size(step), most))[:, None]
 
 
 class FragilityModel(ABC):

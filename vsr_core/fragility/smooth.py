@@ -9,7 +9,7 @@ from scipy.special import expit, logit
 from vsr_core.arrays import Array, Indices
 from vsr_core.fragility.boundary import Cells, first_crossing
 from vsr_core.fragility.cross_validation import cross_validate
-from vsr_core.fragility.model import FragilityModel, maximise
+from vsr_core.fragility.model import FragilityModel, maxima
 
 N_KNOTS = 10
 """Knots along each direction, fewer where the grid has fewer values."""
@@ -75,7 +75,7 @@ class SmoothFragility(FragilityModel):
         """As of the base, at the ridge that was chosen."""
         return np.concatenate(
             [
-                self._solve(part, np.repeat(self.coefs, len(part), axis=0), tolerance=1e-2)
+                self._solve(part, np.repeat(self.coefs, len(part), axis=0), tolerance=1e-4)
                 for part in self._some(row_weights)
             ]
         )
@@ -132,7 +132,7 @@ class SmoothFragility(FragilityModel):
             curvature = self._fisher(trials * prob * (1.0 - prob)) + ridge
             return value, np.linalg.solve(curvature, score[..., None])[..., 0]
 
-        return maximise(evaluate, start, tolerance=tolerance)[0]
+        return maxima(evaluate, start, tolerance=tolerance)
 
 
 def _splines(values: Array, there: Array) -> Array:

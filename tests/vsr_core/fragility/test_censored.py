@@ -81,6 +81,67 @@ def test_intervals_cover_the_surface_that_the_thresholds_came_from() -> None:
     assert 0.87 <= median_covered <= 0.995
 
 
+def resolved_ends(
+    first: np.ndarray, width: float, ratio: np.ndarray = RATIO
+) -> tuple[np.ndarray, ...]:
+    """ln PGV/PGA of rows and the ends [ln g] of their intervals."""
+    own = thresholds(resolved(first, np.linspace(0.1, 1.5, 8), width)[1], first.size)
+    return np.log(ratio), own.lower, own.upper
+
+
+def slope_of_its_own(ln_ratio: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
+    """The likeliest b1 with its prior, as another program finds it.
+
+    By ln b1 and by where the median lies in the first and the last interval, in widths of them; of
+    a row that never toppled, above its last run.
+    """
+    steepest = 2.0 * np.pi / np.nanmedian(np.where(np.isinf(high), np.nan, high - low))
+    width = np.nanmin(high - low)
+
+    def negative(unknown: np.ndarray) -> float:
+        medians = low[[0, -1]] + width * unknown[:2]
+        line, slope = np.interp(ln_ratio, ln_ratio[[0, -1]], medians), np.exp(unknown[2])
+        at_low, at_high = slope * (low - line), slope * (high - line)
+        # P(upper) - P(lower) = P(upper) (1 - P(lower)) (1 - exp(lower - upper))
+        parts = np.logaddexp(0.0, at_low) + np.logaddexp(0.0, -at_high)
+        return float(
+            (parts - np.log(-np.expm1(at_low - at_high))).sum() - unknown[2] + slope / steepest
+        )
+
+    tight = {"maxiter": 9000, "maxfev": 9000, "xatol": 1e-9, "fatol": 1e-13}
+    unknown = np.array([0.5, 0.5, np.log(steepest)])
+    for _ in range(4):
+        unknown = minimize(negative, unknown, method="Nelder-Mead", options=tight).x
+    return float(np.exp(unknown[2]))
+
+
+@pytest.mark.parametrize("width", [0.005, 0.0005])
+@pytest.mark.parametrize(
+    "first", [[0.95, 0.35], [0.7536, 0.5462, 0.3958], [0.35, 20.0], [0.5, 20.0, 20.0]]
+)
+def test_rows_far_apart_with_narrow_intervals_reach_the_maximum(
+    first: list[float], width: float
+) -> None:
+    """So steep that coefficients are thousands; the second of two may never topple."""
+    ratio, pga = np.geomspace(0.1, 0.5, len(first)), np.linspace(0.1, 1.5, 8)
+    ends = resolved_ends(np.array(first), width, ratio)
+    model = fitted(resolved(np.array(first), pga, width)[1], ratio)
+    assert model.separated
+    assert model.coefs[0, 1] == pytest.approx(slope_of_its_own(*ends), rel=1e-3)
+    spread = bootstrap(model, 200).parameters
+    for (name, value), (low, high) in zip(
+        model.named(model.coefs).items(), spread.values(), strict=True
+    ):
+        assert low <= value[0] <= high, name
+
+
+def test_replicates_of_one_outcome_have_no_slope_either() -> None:
+    first, ratio = np.array([0.5, 20.0, 20.0]), np.array([0.1, 0.2, 0.3])
+    model = fitted(resolved(first, np.linspace(0.1, 1.5, 8))[1], ratio)
+    found = model.refit(np.array([[0.0, 1.0, 2.0]]))
+    np.testing.assert_allclose(found, [[np.log(0.5 / 3.5), 0.0, 0.0]], atol=1e-12)
+
+
 def test_a_line_through_all_intervals_is_steep_and_finite() -> None:
     first = 0.3 * RATIO**-0.4
     model = fitted(resolved(first, np.linspace(0.1, 1.5, 8))[1])
@@ -88,7 +149,8 @@ def test_a_line_through_all_intervals_is_steep_and_finite() -> None:
     b0, b1, b2 = model.coefs[0]
     assert b2 / b1 == pytest.approx(0.4, rel=0.01)
     np.testing.assert_allclose(np.exp(-(b0 + b2 * np.log(RATIO)) / b1), first, rtol=0.005)
-    assert 0.002 / 4 < np.pi / np.sqrt(3.0) / b1 < 0.005  # about that of a uniform interval
+    assert np.pi / np.sqrt(3.0) / b1 < 0.005
+    assert b1 == pytest.approx(slope_of_its_own(*resolved_ends(first, 0.005)), rel=1e-3)
 
 
 @pytest.mark.parametrize("level", [0.001, 20.0])

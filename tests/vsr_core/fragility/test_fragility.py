@@ -29,7 +29,7 @@ from vsr_core.fragility.cross_validation import (
 )
 from vsr_core.fragility.logistic import LogisticFragility, is_separated
 from vsr_core.fragility.lognormal import LognormalFragility
-from vsr_core.fragility.model import Scores, maximise
+from vsr_core.fragility.model import Scores, maxima, maximise
 from vsr_core.fragility.smooth import N_KNOTS, SmoothFragility, _splines
 
 AXIS = np.linspace(0.02, 1.0, 50)
@@ -237,7 +237,38 @@ def test_replicate_that_separates_is_refitted_by_firth():
     np.testing.assert_allclose(model.refit(kept[None].astype(float)), alone.coefs, rtol=1e-5)
 
 
+def test_firth_settles_where_each_cell_fits_itself():
+    """Half a run more on either side of one (0.5, 1.5): odds of 3, to all digits."""
+    model = LogisticFragility(Cells(np.zeros(1), np.zeros(1), np.zeros((1, 1)), np.ones((1, 1))))
+    np.testing.assert_allclose(model.coefs[0], [-np.log(3.0), 0.0, 0.0], rtol=1e-7)
+
+
 # --- lognormal ---------------------------------------------------------------------------------
+
+
+def test_lognormal_row_that_overlaps_on_a_fine_grid_is_not_flat():
+    pga = 0.5 * (1 + 1e-4 * np.arange(-40, 40))
+    fell = (pga > 0.5).astype(float)
+    fell[[38, 43]], fell[[39, 42]] = 1.0, 0.0
+    model = LognormalFragility(counted(pga, [0.2], fell[None]))
+
+    def negative(unknown):  # Baker 2015, eq. 11, in units of the grid's step
+        prob = norm.cdf((np.log(pga / 0.5) - 1e-4 * unknown[0]) / (1e-4 * unknown[1]))
+        return -np.log(np.where(fell == 1, prob, 1 - prob)).sum()
+
+    found = minimize(negative, [0.5, 3.0], method="Nelder-Mead", options={"xatol": 1e-8}).x
+    assert model.status == ("probit",)
+    np.testing.assert_allclose(
+        np.exp(model.coefs[0, 0]), [0.5 * np.exp(1e-4 * found[0]), 1e-4 * found[1]], rtol=1e-5
+    )
+
+
+def test_a_fit_that_comes_to_no_maximum_is_an_error():
+    def evaluate(beta, which):
+        return beta[:, 0], np.ones_like(beta)
+
+    with pytest.raises(ArithmeticError, match="2 of 2 fits came to no maximum"):
+        maxima(evaluate, np.zeros((2, 1)), tolerance=1e-8)
 
 
 def test_lognormal_row_is_probit_regression():
