@@ -13,7 +13,7 @@ from vsr_core.arrays import Array, Mask
 from vsr_core.fragility.logistic import is_separated
 
 if TYPE_CHECKING:
-    from sklearn.linear_model import LogisticRegression
+    from sklearn.pipeline import Pipeline
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,9 @@ def regressed(score: Array, observed: Mask) -> tuple[float, float]:
     """
     if _is_divided(score[:, None], observed) or np.ptp(score) == 0.0:
         return float("nan"), float("nan")
-    fit = _fitted(score[:, None], observed)
-    return float(fit.intercept_[0]), float(fit.coef_[0, 0])
+    scaler, fit = _fitted(score[:, None], observed)
+    slope = float(fit.coef_[0, 0] / scaler.scale_[0])
+    return float(fit.intercept_[0] - slope * scaler.mean_[0]), slope
 
 
 def _is_divided(features: Array, observed: Mask) -> bool:
@@ -94,10 +95,14 @@ def _is_divided(features: Array, observed: Mask) -> bool:
     return not len(observed) or is_separated(points, toppled, 1.0 - toppled)
 
 
-def _fitted(features: Array, observed: Mask) -> LogisticRegression:
+def _fitted(features: Array, observed: Mask) -> Pipeline:
     from sklearn.linear_model import LogisticRegression
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
 
-    return LogisticRegression(C=np.inf).fit(features, observed)
+    # a solver ends by the slope of the likelihood, which is small where features vary little
+    fit = LogisticRegression(C=np.inf, solver="newton-cholesky", tol=1e-9)
+    return make_pipeline(StandardScaler(), fit).fit(features, observed)
 
 
 FOLDS = 10

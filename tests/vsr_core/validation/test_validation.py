@@ -163,6 +163,23 @@ def test_calibration_finds_what_made_the_outcomes() -> None:
     assert found.tests == 20_000
 
 
+@pytest.mark.parametrize("spread", [2.0, 0.5, 0.03, 0.001])
+def test_a_regression_is_the_likeliest_however_little_its_score_varies(spread: float) -> None:
+    """As Newton's method finds it on the score less its mean, in units of its spread."""
+    rng = np.random.default_rng(11)
+    unit = rng.normal(size=60)
+    unit = (unit - unit.mean()) / unit.std()
+    happened = rng.uniform(size=60) < 1.0 / (1.0 + np.exp(-0.5 - 2.0 * unit))
+    design, beta = np.column_stack([np.ones(60), unit]), np.zeros(2)
+    for _ in range(30):
+        chance = 1.0 / (1.0 + np.exp(-design @ beta))
+        information = design.T @ (design * (chance * (1.0 - chance))[:, None])
+        beta += np.linalg.solve(information, design.T @ (happened - chance))
+    intercept, slope = regression.regressed(3.0 + spread * unit, happened)
+    assert slope * spread == pytest.approx(beta[1], rel=1e-6)
+    assert intercept + 3.0 * slope == pytest.approx(beta[0], rel=1e-6)
+
+
 def test_of_outcomes_that_are_all_alike_there_is_no_calibrated_probability() -> None:
     counts, members = np.array([1.0, 5.0, 9.0]), np.full(3, 10.0)
     found = regression.calibrate(counts, members, np.ones(3, dtype=bool))
