@@ -215,10 +215,10 @@ def of_photograph(rock: Answered) -> RockFragility:
 
 
 def _share(levels: Array, cells: Array, edges: Array, at: Array) -> Array:
-    """Share of what topples among draws or directions with a verdict, shape (rows, m).
+    """Share of what topples among draws or directions with a boundary, shape (rows, m).
 
     A draw stands below its first overturning and topples above it up to the next cell of the grid;
-    then each cell speaks for what is nearest to it, and nothing is known to stand beyond the last.
+    then cells known to stand speak for what is nearest to them; beyond the last there are none.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def _share(levels: Array, cells: Array, edges: Array, at: Array) -> Array:
     ends = np.append(levels, np.inf)
     nearest = cells[..., np.searchsorted(np.sqrt(levels[1:] * levels[:-1]), at)]
     beside = at < ends[np.searchsorted(levels, edges)][..., None]
-    above = np.where(beside | (at > levels[-1]), 1, nearest)
+    above = np.where(beside | (at > levels[-1]), 1, nearest != 0)
     sides = np.where(at < edges[..., None], 0, above)
     sides[np.isnan(edges)] = -1
     return np.asarray((sides == 1).sum(axis=0) / np.maximum((sides >= 0).sum(axis=0), 1))

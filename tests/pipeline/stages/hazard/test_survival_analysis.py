@@ -324,6 +324,29 @@ def test_cells_without_a_verdict_do_not_count() -> None:
     np.testing.assert_allclose(member(GRAVITY * np.array([0.5, 1.0])), [[0.5, 1.0]])
 
 
+def test_a_cell_without_a_verdict_above_a_boundary_is_not_known_to_stand() -> None:
+    """Two of three draws have none at 1 g, one stands there again; all topple from 0.4 g on.
+
+    A fourth has no verdict at all and is none of the mean.
+    """
+    fell = np.array([[0, 1, -1], [0, 1, -1], [0, 1, 0], [-1, -1, -1]])[:, None, None, :]
+    edges = np.array([0.4, 0.4, 0.4, np.nan])[:, None, None]
+    data = xr.Dataset(
+        {
+            "overturned": (("member", "yaw", "pgv_pga", "pga"), fell),
+            "member_boundary": (("member", "yaw", "pgv_pga"), edges),
+            "theta": (("yaw", "pgv_pga"), [[0.4]]),
+            "beta": (("yaw", "pgv_pga"), [[0.1]]),
+        },
+        {"yaw": [0.0], "pgv_pga": [0.1], "pga": [0.25, 0.5, 1.0]},
+        {"searched_from_g": 0.25, "searched_to_g": 1.0},
+    )
+    rock, levels = of_members(numbered(data)), GRAVITY * np.array([0.3, 0.6, 0.9])
+    each = [one(levels)[0] for one in rock.others[:3]]
+    np.testing.assert_array_equal(each, [[0, 1, 1], [0, 1, 1], [0, 1, 0]])
+    np.testing.assert_allclose(rock.mean(levels)[0], np.mean(each, axis=0))
+
+
 def test_beyond_what_was_tried_half_of_what_stands_falls_where_half_would() -> None:
     """Tried are 0.5 and 1 g; the fit has 1/2 at 1 g and Phi(1) at e g, Phi(-2) at exp(-2) g."""
     fell = np.array([[1], [0]], np.int8)  # from one of two directions, at both levels
