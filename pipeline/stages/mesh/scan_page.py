@@ -222,7 +222,7 @@ def refusal(origin: Origin, source: Source, key: str, error: Refused) -> InputEr
     if key == "rock.mesh":
         file, key = f"{file}: {key}", source.name
     problem = Problem(file, key, error.given, error.rule, error.remedy)
-    if not len(error.seen.faces):
+    if not len(error.seen.faces) or not np.ptp(error.seen.vertices, axis=0).any():
         return InputError(problem)
     return Refusal(problem, {SCAN_PAGE: text(_refused_page(origin.name, source, error))})
 

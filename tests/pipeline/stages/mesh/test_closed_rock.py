@@ -129,3 +129,13 @@ def test_page_of_a_refusal(tmp_path: Path, vsr: Vsr, derived: Path) -> None:
     assert np.fromstring(place, sep=",") == pytest.approx([0.4, 0.0, 0.0], abs=0.05)
     assert vsr("prep", "--site", site(tmp_path, stone())).code == 0
     assert "is refused" not in page.read_text()
+
+
+def test_a_mesh_of_one_point_is_refused_without_a_picture(tmp_path: Path, vsr: Vsr) -> None:
+    (tmp_path / "point.obj").write_text("v 1 2 3\nv 1 2 3\nv 1 2 3\nf 1 2 3\n")
+    where = tmp_path / "point.yaml"
+    where.write_text("rock: {shape: mesh, mesh: point.obj, density: 2600}\n")
+    ran = vsr("prep", "--site", where)
+    assert ran.code == 2, ran.err
+    assert "got a rock 0 m large" in ran.err
+    assert "shows it" not in ran.err
