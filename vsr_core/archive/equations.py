@@ -35,6 +35,9 @@ MOST_GRIP = 1.0 / 1.05
 FARTHEST = 20.0
 """PGA in units of g tan(alpha_min) that is given at most."""
 
+OPEN = 0.025
+"""Share of rocks without a boundary from which on a band that holds 95 % is open above."""
+
 ONE = "1"
 """The term that is always there."""
 
@@ -97,16 +100,20 @@ class Error:
     above : ndarray, shape (n,), ascending from 1: least PGA of a class in units of g tan(alpha_min)
     shorter : ndarray, shape (k,), ascending from 0: least u of a class
     median, most : ndarray, shape (n, k), of the size of ln(equation / run): half, and 95 in 100,
-        are below
+        are below; without a boundary by runs it is infinite, but where ``none`` is ``OPEN`` or more
+        left out
+    none : ndarray, shape (n, k), share of what the equations give for which no run up to
+        ``HIGHEST`` toppled the rock
     """
 
     above: Array
     shorter: Array
     median: Array
     most: Array
+    none: Array
 
-    def of(self, relative: Array, u: Array) -> Array:
-        """What 95 in 100 errors are below.
+    def of(self, relative: Array, u: Array) -> tuple[Array, Array]:
+        """What 95 in 100 errors are below, and the share without a boundary.
 
         Parameters
         ----------
@@ -114,7 +121,8 @@ class Error:
         u : ndarray, 1 / (p PGV/PGA)
         """
         by_size = np.maximum(np.searchsorted(self.above, relative, side="right") - 1, 0)
-        return np.asarray(self.most[by_size, np.searchsorted(self.shorter, u, side="right") - 1])
+        here = by_size, np.searchsorted(self.shorter, u, side="right") - 1
+        return np.asarray(self.most[here]), np.asarray(self.none[here])
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +163,8 @@ class Equations:
         z = np.einsum("...mk,...k->...m", splines(ln_u, self.knots), by_spline)
         return np.asarray(z + np.minimum(ln_u - self.knots[0], 0.0))
 
-    def told_error(self, rocks: Profiles, pgv_pga: Array, boundary: Array) -> Array:
-        """What 95 in 100 errors of ln boundary are below on shapes left out, shape (..., m)."""
+    def told_error(self, rocks: Profiles, pgv_pga: Array, boundary: Array) -> tuple[Array, Array]:
+        """`Error.of` boundaries [g] on shapes left out, each of shape (..., m)."""
         relative = boundary / rocks.weakest[..., None]
         return self.error.of(relative, np.exp(shortness(rocks, pgv_pga)))
 

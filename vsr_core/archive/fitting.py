@@ -14,6 +14,7 @@ import numpy as np
 
 from vsr_core.archive.equations import (
     HIGHEST,
+    OPEN,
     Equations,
     Error,
     above_static,
@@ -103,12 +104,11 @@ def fit(given: Boundaries, names: tuple[str, ...]) -> Equations:
     """Equations with some terms, their covariance, and their error on shapes left out."""
     design, relative = _design(given, names), given.relative
     found = left_out(given, names)
-    missed = np.log(found / relative)
     coefficients = _solved(design, relative)
     covariance = _covariance(design, relative, coefficients, given.shape)
     table = coefficients.reshape(len(KNOTS), len(names))
     u = np.exp(shortness(given.rocks, given.pgv_pga))
-    return Equations(KNOTS, names, table, covariance, error_of(found, u, missed))
+    return Equations(KNOTS, names, table, covariance, error_of(found, u, missed(found, relative)))
 
 
 def left_out(given: Boundaries, names: tuple[str, ...]) -> Array:
@@ -163,6 +163,16 @@ def _covariance(design: Array, relative: Array, coefficients: Array, shape: Indi
     return np.asarray(inverse @ (by_shape.T @ by_shape) @ inverse)
 
 
+def missed(found: Array, relative: Array) -> Array:
+    """Errors of ln boundary, equations by runs, both in units of g tan(alpha_min).
+
+    Minus infinite where the equations alone give one up to ``HIGHEST``: the rock topples beyond it
+    or never. Nan where neither has one.
+    """
+    none = np.where(found < HIGHEST, -np.inf, np.nan)
+    return np.where(np.isnan(relative), none, np.log(found / relative))
+
+
 def error_of(found: Array, u: Array, missed: Array) -> Error:
     """Error by classes of what the equations give, and of u.
 
@@ -170,15 +180,18 @@ def error_of(found: Array, u: Array, missed: Array) -> Error:
     ----------
     found : ndarray, boundaries by the equations in units of g tan(alpha_min)
     u : ndarray, of the same shape, 1 / (p PGV/PGA)
-    missed : ndarray, of the same shape, ln of them by those of runs; nan where there is none
+    missed : ndarray, of the same shape, as of `missed`
     """
-    known = ~np.isnan(missed)
+    known = found < HIGHEST  # beyond, no boundary is told
     size = np.abs(missed[known])
     by_size = np.searchsorted(CLASSES, found[known], side="right") - 1
     by_u = np.searchsorted(SHORTER, u[known], side="right") - 1
-    tables = np.empty((2, len(CLASSES), len(SHORTER)))
+    tables = np.empty((3, len(CLASSES), len(SHORTER)))
     for i, k in np.ndindex(len(CLASSES), len(SHORTER)):
         here = (by_size == i) & (by_u == k)
         part = size[here if here.sum() >= ENOUGH else by_size == i]
-        tables[:, i, k] = np.quantile(part, (0.5, 0.95))
+        none = float(np.isinf(part).mean())
+        if none >= OPEN:
+            part = part[np.isfinite(part)]
+        tables[:, i, k] = *np.quantile(part, (0.5, 0.95)), none
     return Error(CLASSES, SHORTER, *tables)

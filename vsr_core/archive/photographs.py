@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from vsr_core.archive.equations import HIGHEST, Equations
+from vsr_core.archive.equations import HIGHEST, OPEN, Equations
 from vsr_core.archive.profiles import Profiles
 from vsr_core.arrays import Array, Mask
 
@@ -105,8 +105,11 @@ class Answers:
     static : ndarray, shape (n,) [g], g tan(alpha_min), to which long pulses lead
     boundary : ndarray [g], nan where none is known to topple it
     low, high : ndarray [g], the boundary is between them with 95 %; high is nan where it is open,
-        as the equations end or friction may be less than a rock needs that topples
+        as the equations end, or friction may be less than a rock needs that topples, or too many
+        other shapes have no boundary where the equations give one
     equation : ndarray, 95 % of errors of ln boundary are below, of the equations on other shapes
+    none : ndarray, share of other shapes that no run toppled where the equations give this
+        boundary; nan where they give none
     unseen : dict of ndarray, standard deviation of ln boundary by what is assumed
     slides : ndarray of bool, shape (n,), whether the rock slides and does not topple
     sliding : ndarray, shape (n,), share of the frictions assumed with which it does; of one that is
@@ -118,6 +121,7 @@ class Answers:
     low: Array
     high: Array
     equation: Array
+    none: Array
     unseen: dict[str, Array]
     slides: Mask
     sliding: Array
@@ -129,7 +133,7 @@ class Answers:
 
     @property
     def log_sd(self) -> Array:
-        """That of a lognormal fragility: of what is assumed and of the equations."""
+        """That of a lognormal fragility where there is a boundary: of assumptions and equations."""
         return np.asarray(np.hypot(self.unseen_sd, self.equation / ODDS))
 
 
@@ -151,23 +155,23 @@ def answers(seen: Seen, equations: Equations, pgv_pga: Array) -> Answers:
         axis=1,
     )
     unseen = dict(_spreads(seen, equations, pgv_pga))
-    equation = np.stack(
-        [equations.told_error(best, pgv_pga, boundary[:, number]) for number in range(2)], axis=1
-    )  # u is that of both ways
+    told = [equations.told_error(best, pgv_pga, boundary[:, number]) for number in range(2)]
+    equation, none = np.stack(told, axis=2)  # u is that of both ways
     half = np.hypot(equation, ODDS * np.sqrt(sum(sd**2 for sd in unseen.values())))
     slides = np.asarray(best.friction <= static)
     nothing = ~known | slides[:, None, None]
     friction = ASSUMED["friction"]
     assumed = ndtr((static - friction.value) / friction.sd)
     sliding = np.where(np.isnan(seen.friction), assumed, slides)
-    may_slide = sliding >= ndtr(-ODDS)
+    may_stand = 1.0 - (1.0 - sliding[:, None, None]) * (1.0 - none) >= OPEN
     least = seen.profiles(alpha_2=-ODDS).weakest  # below it no pulse topples the rock
     return Answers(
         static,
         np.where(nothing, math.nan, boundary),
         np.maximum(_within(boundary, static) * np.exp(-half), least[:, None, None]),
-        np.where(nothing | may_slide[:, None, None], math.nan, boundary * np.exp(half)),
+        np.where(nothing | may_stand, math.nan, boundary * np.exp(half)),
         equation,
+        np.where(nothing, math.nan, none),
         unseen,
         slides,
         sliding,

@@ -34,8 +34,9 @@ class Answered:
     Attributes
     ----------
     directions : ndarray, shape (2,) [degree], of the first push
-    median, log_sd : ndarray, shape (2, rows) [g] and [1]
-        Where no boundary is known, the median is the PGA up to which it was looked for.
+    median, log_sd : ndarray, shape (2, rows) [g] and [1], of what has a boundary
+        Where none is known, the median is the PGA up to which it was looked for.
+    none : ndarray, shape (2, rows), share without a boundary where one is known
     static : float [g]
     sliding : float, share of the frictions assumed with which it slides and stands
     """
@@ -43,19 +44,28 @@ class Answered:
     directions: Array
     median: Array
     log_sd: Array
+    none: Array
     static: float
     sliding: float
+
+    @property
+    def farthest(self) -> float:
+        """PGA up to which a boundary was looked for [g]."""
+        return HIGHEST * self.static
 
     @property
     def draws(self) -> Array:
         """Boundaries of draws, shape (draws, 2, rows) [g]: what is not known is so of all rows.
 
-        Those that slide have none: infinite, the last.
+        Those that slide have none: infinite, the last. Of the others the last are those without a
+        boundary up to the farthest PGA, which is taken for them.
         """
         tips = DRAWS - round(DRAWS * self.sliding)
-        off = np.full(DRAWS, np.inf)
-        off[:tips] = ndtri((np.arange(tips) + 0.5) / tips)
-        return np.asarray(self.median * np.exp(off[:, None, None] * self.log_sd))
+        found = np.full((DRAWS, *self.median.shape), np.inf)
+        share = ((np.arange(tips) + 0.5) / tips)[:, None, None] / (1.0 - self.none)
+        own = self.median * np.exp(ndtri(np.minimum(share, 1.0)) * self.log_sd)
+        found[:tips] = np.where(share < 1.0, own, self.farthest)
+        return found
 
 
 def answered(path: Path, name: str) -> Answered:
@@ -82,4 +92,11 @@ def answered(path: Path, name: str) -> Answered:
     median = np.where(np.isnan(found.boundary[0]), HIGHEST * static, found.boundary[0])
     towards = one.rocks[0].azimuth_deg or 0.0
     directions = np.array([towards, towards + 180.0]) % 360.0
-    return Answered(directions, median, found.log_sd[0], static, float(found.sliding[0]))
+    return Answered(
+        directions,
+        median,
+        found.log_sd[0],
+        np.nan_to_num(found.none[0]),
+        static,
+        float(found.sliding[0]),
+    )

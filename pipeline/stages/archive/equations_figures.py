@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from pipeline.drawing.style import FAINT, INK, SERIES, styled
 from vsr_core.archive.equations import HIGHEST, Equations
-from vsr_core.archive.fitting import Boundaries
+from vsr_core.archive.fitting import Boundaries, missed
 from vsr_core.archive.profiles import Profiles
 from vsr_core.arrays import Array
 from vsr_core.run.rocking_block import Block, first_overturning_pga
@@ -38,7 +38,8 @@ def errors(given: Boundaries, left_out: Array) -> Figure:
     against.set(xscale="log", yscale="log", xlim=(0.98, HIGHEST), ylim=(0.98, 20.0))
     against.set_xlabel("runs: PGA / (g tan alpha)")
     against.set_ylabel("equations: PGA / (g tan alpha)")
-    size = np.sort(np.abs(np.log(found[known] / run[known])))
+    off = missed(found, run)
+    size = np.sort(np.abs(off[~np.isnan(off)]))
     share.plot(100.0 * size, np.linspace(0.0, 100.0, len(size)), color=SERIES[0])
     for level in (50, 95):
         share.axhline(level, color=FAINT, linestyle=":", linewidth=0.8)

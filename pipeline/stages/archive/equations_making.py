@@ -20,7 +20,7 @@ from pipeline.workflow.store import Store, writing
 from vsr_core.archive import boundaries
 from vsr_core.archive.boundaries import Resolved
 from vsr_core.archive.equations import Equations
-from vsr_core.archive.fitting import Boundaries, fit, left_out
+from vsr_core.archive.fitting import Boundaries, fit, left_out, missed
 from vsr_core.archive.profiles import Profiles
 
 FOLDER = "archive_equations"
@@ -59,20 +59,20 @@ def make(options: argparse.Namespace, log: Callable[[str], None]) -> list[str]:
     found = list(chain.from_iterable(_resolved(options.shapes, options.workers, log)))
     given = _together(found)
     equations = fit(given, TERMS)
-    size = np.abs(np.log(left_out(given, TERMS) / given.relative))
-    known = ~np.isnan(size)
-    quantiles = np.quantile(size[known], (0.5, 0.9, 0.95))
+    without = left_out(given, TERMS)
+    size = np.abs(missed(without, given.relative))
+    quantiles = np.nanquantile(size, (0.5, 0.9, 0.95))
     told = {
         "shapes": options.shapes,
         "runs": sum(one.runs for one in found),
-        "boundaries": int(known.sum()),
+        "boundaries": int(np.isfinite(given.relative).sum()),
         "about": _about(quantiles),
     }
     texts = shipped_equations.texts(equations, told)
     files = {name: writers.text(text) for name, text in texts.items()}
     dataset = _dataset(found, given)
     files[DATA] = netcdf(dataset)
-    errors = equations_figures.errors(given, left_out(given, TERMS))
+    errors = equations_figures.errors(given, without)
     forms = equations_figures.forms(equations)
     for name, figure in (("archive_errors", errors), ("archive_forms", forms)):
         files |= pictures(name, figure)
@@ -170,6 +170,6 @@ def _facts(equations: Equations, told: dict[str, Any]) -> dict[str, Any]:
             (name, list(zip(equations.coefficients[:, n], sd[:, n], strict=True)))
             for n, name in enumerate(equations.names)
         ],
-        "error": list(zip(error.above, error.median, error.most, strict=True)),
+        "error": list(zip(error.above, error.median, error.most, error.none, strict=True)),
         "shorter": error.shorter,
     }

@@ -19,6 +19,8 @@ FILE, COVARIANCE = "equations.yaml", "equations_covariance.csv"
 
 HERE = Path(__file__).parent
 
+_ERROR = ("above", "shorter", "median", "most", "none")
+
 
 @dataclass(frozen=True)
 class Shipped:
@@ -39,9 +41,7 @@ class Shipped:
         coefficients = np.array([told["coefficients"][name] for name in told["coefficients"]]).T
         lines = (self.folder / COVARIANCE).read_text(encoding="utf-8").splitlines()
         lower = [line.split(",") for line in lines if not line.startswith("#")]
-        error = Error(
-            *(np.array(told["error"][name]) for name in ("above", "shorter", "median", "most"))
-        )
+        error = Error(*(np.array(told["error"][name]) for name in _ERROR))
         return Equations(
             np.log(told["knots"]), tuple(told["coefficients"]), coefficients, _whole(lower), error
         )
@@ -62,7 +62,7 @@ def texts(equations: Equations, told: dict[str, Any]) -> dict[str, str]:
     lines = [f"{name}: {json.dumps(value)}" for name, value in told.items()]
     lines.append(f"knots: {json.dumps(np.exp(equations.knots).round(6).tolist())}")
     lines.append("error:")
-    for name in ("above", "shorter", "median", "most"):
+    for name in _ERROR:
         values = getattr(equations.error, name).round(4).tolist()
         lines.append(f"  {name}: {json.dumps(values)}")
     lines.append("coefficients:")

@@ -14,7 +14,6 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, Answered
 from pipeline.stages.fragility.summary import SEARCHED, Fits
 from pipeline.workflow.datasets import rows_of
-from vsr_core.archive.equations import HIGHEST
 from vsr_core.arrays import Array, Indices
 from vsr_core.hazard.toppling import RowFragility, continued_rows, lognormal_rows
 from vsr_core.validation.priors import FIRST_SEED
@@ -192,19 +191,25 @@ def of_photograph(rock: Answered) -> RockFragility:
     """Fragility of a rock of an archive; its draws differ in what is not known of it."""
     median, draws = in_si.acceleration(rock.median), in_si.acceleration(rock.draws)
     sharp, spread = np.full_like(median, SHARP), np.hypot(rock.log_sd, SHARP)
+    farthest = np.full_like(median, in_si.acceleration(rock.farthest))
     sides = list(enumerate(rock.directions.tolist()))
 
-    def mean(own: slice) -> RowFragility:
-        tips = lognormal_rows(median[own], spread[own])
-        return lambda level: (1.0 - rock.sliding) * tips(level)
+    def towards(i: int) -> RowFragility:
+        tips, last = (
+            lognormal_rows(median[[i]], spread[[i]]),
+            lognormal_rows(farthest[[i]], sharp[[i]]),
+        )
+        none, tip = rock.none[i][:, None], 1.0 - rock.sliding
+        return lambda level: tip * ((1.0 - none) * tips(level) + none * last(level))
 
+    by_yaw = {yaw: towards(i) for i, yaw in sides}
     return RockFragility(
         np.array(PGV_PGA),
-        mean(slice(None)),
-        {yaw: mean(slice(i, i + 1)) for i, yaw in sides},
+        lambda level: np.mean([rows(level) for rows in by_yaw.values()], axis=0),
+        by_yaw,
         tuple(lognormal_rows(one, sharp) for one in draws),
         DRAWN,
-        (rock.static, HIGHEST * rock.static),
+        (rock.static, rock.farthest),
         (),
         records=False,
         others_by_yaw={

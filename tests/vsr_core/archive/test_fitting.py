@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsr_core.archive.equations import HIGHEST, Equations, Error
-from vsr_core.archive.fitting import CLASSES, KNOTS, Boundaries, error_of, fit, left_out
+from vsr_core.archive.equations import HIGHEST, OPEN, Equations, Error
+from vsr_core.archive.fitting import CLASSES, KNOTS, Boundaries, error_of, fit, left_out, missed
 from vsr_core.archive.profiles import Profiles
 
 NAMES = ("1", "slenderness")
@@ -22,7 +22,7 @@ def drawn(number: int, scatter: float) -> tuple[Boundaries, Equations]:
     )
     coefficients = np.zeros((len(KNOTS), 2))
     coefficients[0], coefficients[1] = (-3.0, 0.6), (1.0, 0.2)
-    nothing = Error(CLASSES, *np.ones((3, 1, 1)))
+    nothing = Error(CLASSES, *np.ones((4, 1, 1)))
     true = Equations(KNOTS, NAMES, coefficients, np.eye(coefficients.size), nothing)
     ratio = np.exp(random.uniform(np.log(0.04), np.log(1.5), (number, 10)))
     pga = true.boundary(rocks, ratio) * np.exp(scatter * random.normal(size=ratio.shape))
@@ -59,11 +59,34 @@ def test_beyond_all_tried_the_equations_say_so() -> None:
 
 def test_errors_are_told_by_what_the_equations_give_and_to_what() -> None:
     size, u = np.repeat([1.05, 1.2, 1.5, 2.0, 3.0, 6.0], 400), np.tile([0.5, 2.0], 1200)
-    missed = np.tile(np.repeat(np.linspace(-0.1, 0.1, 200), 2), 6) * size * u
-    error = error_of(size, u, missed)
+    off = np.tile(np.repeat(np.linspace(-0.1, 0.1, 200), 2), 6) * size * u
+    error = error_of(size, u, off)
     for column, factor in ((0, 0.5), (2, 2.0)):
         assert error.median[:, column] == pytest.approx(0.05 * factor * np.unique(size), rel=0.03)
         assert error.most[:, column] == pytest.approx(0.095 * factor * np.unique(size), rel=0.03)
     assert (error.most[:, 1] > error.most[:, 0]).all()  # of all u, as there is no other
-    found = error.of(np.array([1.2, 6.0]), np.array([0.5, 2.2]))
+    found, none = error.of(np.array([1.2, 6.0]), np.array([0.5, 2.2]))
     assert found == pytest.approx([error.most[1, 0], error.most[5, 2]])
+    assert (none == 0.0).all()
+
+
+@pytest.mark.parametrize(("share", "most"), [(0.02, 0.97), (0.2, 0.95)])
+def test_what_only_the_equations_topple_counts_among_their_errors(
+    share: float, most: float
+) -> None:
+    """Few are their largest errors; of many the share is told, and the error of the others."""
+    size = np.full(5000, 3.0)
+    run = size * np.exp(np.linspace(0.0, 1.0, len(size)))
+    run[np.random.default_rng(1).permutation(len(size))[: int(share * len(size))]] = np.nan
+    others = [np.full(100, one) for one in CLASSES if one != 2.5]
+    size, run = np.concatenate([size, *others]), np.concatenate([run, *others])
+    error = error_of(size, np.ones(len(size)), missed(size, run))
+    assert error.none[4] == pytest.approx(share)
+    assert error.most[4] == pytest.approx(most, abs=0.01)
+    assert (np.delete(error.none, 4, axis=0) == 0.0).all()
+    assert (share >= OPEN) == (most < 0.96)
+
+
+def test_where_neither_topples_a_rock_nothing_is_missed() -> None:
+    off = missed(np.array([3.0, HIGHEST, 20.0, 4.0]), np.array([np.nan, np.nan, 8.0, 2.0]))
+    assert off == pytest.approx([-np.inf, np.nan, np.log(2.5), np.log(2.0)], nan_ok=True)
