@@ -140,7 +140,8 @@ class LognormalFragility(FragilityModel):
             return "undecided", np.nan, np.nan
         if np.isinf(high):
             return "above", low, low + further
-        if not thresholds.single[row]:
+        stands = np.any(self.cells.trials[row] - self.cells.toppled[row] > 1e-9)
+        if not thresholds.single[row] and stands:  # in the cells; it may beyond
             last = thresholds.last[row]
             return ("interval", low, last) if last - low <= STEP else ("probit", np.nan, np.nan)
         return ("below", high - further, high) if np.isnan(low) else ("interval", low, high)

@@ -310,6 +310,15 @@ def test_changes_beyond_the_cells_do_not_move_the_median(beyond: list[int], plac
     assert (high < 1.01 * place).all()
 
 
+def test_a_row_that_stands_beyond_its_cells_alone_topples_from_its_first_pga_on() -> None:
+    pga, side = np.array([0.1, 0.3, 0.5, 0.51, 0.8]), [1, 1, 0, 1, 1]
+    known = Known.of(np.repeat([0, 1], pga.size), np.tile(pga, 2), side * 2)
+    model = LognormalFragility(shares(known, [0.2, 0.3]), thresholds(known, 2))
+    assert model.status == ("below", "below")
+    theta = np.exp(model.coefs[0, :, 0])
+    assert ((theta > 0.05) & (theta < 0.1)).all()
+
+
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_probabilities_are_those_of_the_parameters(noise: float) -> None:
     """At each PGA of the grid, which is not that of the models' own cells."""
