@@ -2,8 +2,9 @@
 
 Nobody has seen the seam between the two, and two rigid surfaces that conform everywhere would lock
 a rock into its hollow. So what bears there is a model: some points on the rock's underside, each a
-small pyramid on the ground, while the ground that was not seen lies lower. Ground that was scanned
-stays, but for what reaches into the rock's convex hull, which is its contact.
+small pyramid on the ground, while the ground that was not seen lies lower, and that beside the seam
+goes down to it. Other ground that was scanned stays, but for what reaches into the rock's convex
+hull, which is its contact.
 """
 
 from __future__ import annotations
@@ -26,6 +27,10 @@ Bearing = Literal["rim", "whole"] | int
 
 DEPTH_SHARE = 0.01
 """Depth of unseen ground below the rock, as a share of its radius."""
+
+BANK_SHARE = 0.05
+"""Distance beside the seam over which scanned ground goes down to that depth, likewise: lowered by
+its triangles alone, it would hold the foot of the rock by how small they are."""
 
 GAP_SHARE = 2e-4
 """Gap that is left between the rock's hull and scanned ground that reached into it, likewise."""
@@ -131,6 +136,7 @@ def seat(
     ground = Terrain(vertices, terrain.faces)
     if bearing == "whole":
         return Seat(ground, np.empty((0, 3)), (), float(moved))
+    vertices[:, 2] = np.minimum(vertices[:, 2], _banked(terrain, beneath, radius))
     points, upward = _bearing(np.concatenate(loops), ConvexHull(corners), radius, bearing)
     height = DEPTH_SHARE * radius
     pyramids = (_pyramid(tip, up, height) for tip, up in zip(points, upward, strict=True))
@@ -159,6 +165,13 @@ def _cleared(terrain: Terrain, bodies: Sequence[Array], radius: float, depth: fl
         if len(hulls) == 1 or np.abs(terrain.vertices - before.vertices).max() <= _ROUNDING:
             return terrain.vertices
     raise _stays()
+
+
+def _banked(terrain: Terrain, beneath: shapely.Geometry, radius: float) -> Array:
+    """Heights of ground that goes down beside the seam to what was not seen, shape (n,) [m]."""
+    apart = shapely.distance(beneath, shapely.points(terrain.vertices[:, :2]))
+    share = np.clip(1.0 - apart / (BANK_SHARE * radius), 0.0, 1.0)
+    return np.asarray(terrain.vertices[:, 2] - DEPTH_SHARE * radius * share)
 
 
 def _inside(hull: ConvexHull, other: ConvexHull, margin: float) -> Mask:

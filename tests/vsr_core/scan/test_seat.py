@@ -67,6 +67,25 @@ def test_a_scan_that_is_mirrored_or_turned_bears_at_the_same_points(turned: np.n
     assert apart.min(axis=1).max() < 1e-9
 
 
+@pytest.mark.parametrize("cells", [150, 300])
+def test_ground_beside_the_seam_goes_down_however_small_its_triangles_are(cells: int) -> None:
+    """Level ground around a box, whose seam is the outline of its foot."""
+    own = solid.box((1.0, 1.0, 2.0), 2700.0).rock
+    radius = math.sqrt(1.5)
+    side = np.linspace(-1.5, 1.5, cells + 1)
+    x, y = (axis.ravel() for axis in np.meshgrid(side, side))
+    first = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).reshape(-1, 1)
+    faces = first + np.array([[0, 1, cells + 2], [0, cells + 2, cells + 1]])[:, None]
+    ground = Terrain(np.column_stack([x, y, 0.0 * x]), faces.reshape(-1, 3))
+    corners = own.vertices + np.array([0.0, 0.0, own.height])
+    foot = 0.5 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    laid = seat.seat(ground, [foot], corners, corners, "rim")
+    depth, wide = seat.DEPTH_SHARE * radius, seat.BANK_SHARE * radius
+    for share in (0.4, 0.6, 0.8, 1.5):
+        (height,) = laid.ground.surfaces(0.5 + share * wide, 0.1)[0]
+        assert height == pytest.approx(-depth * max(0.0, 1.0 - share), abs=0.07 * depth)
+
+
 def test_walls_that_hold_it_are_named() -> None:
     """A block between two walls, which may squeeze it as hard as they like, and open ground."""
     rock = solid.box((1.0, 1.0, 2.0), 2700.0).rock
