@@ -335,6 +335,22 @@ def test_a_single_branch_is_compared_with_no_others(
         assert words not in said, words
 
 
+@pytest.mark.parametrize("anew", [0.55, 0.65])
+def test_draws_made_anew_are_said_to_stand_less_where_they_do(
+    anew: float, made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the chance of pairs of several rocks, Jensen's inequality may not show."""
+    shown_as, case = stage.page, {"survival": anew, "rejected": 2}
+    drawn = {"drawn": True, "sampling": 0.01, "mean_survival": 0.6, "anew": case}
+    monkeypatch.setattr(stage, "page", lambda *given: shown_as(*given) | drawn)
+    command = ["run", "hazard", "--site", str(made.parents[1] / "rock.yaml"), "--workers", "0"]
+    copy = shutil.copytree(made.parent, tmp_path / "derived")
+    assert cli.main([*command, "--age", "3000", "--derived", str(copy)]) == 0
+    page = (copy / "rock" / "hazard.html").read_text(encoding="utf-8").replace("\xa0", " ")
+    assert f"{shown(anew)} over all branches in place of 60 %, with 2 of 9 rejected." in page
+    assert ("which is smaller (Jensen" in page) is ("too readily:" in page) is (anew < 0.6)
+
+
 def test_of_shaking_that_topples_nothing_no_part_is_named(made: Path, tmp_path: Path) -> None:
     """The strongest has less than a millionth of the PGA that was simulated."""
     (tmp_path / "PGA").mkdir()
@@ -628,6 +644,7 @@ def test_rocks_of_one_site_are_combined(
     found = read(derived / "rock" / "hazard.nc")
     page = (derived / "rock" / "hazard.html").read_text(encoding="utf-8")
     assert "The 2 rocks&#39; joint survival probability" in page
+    assert "age are changed of rock alone" in page
     levels, rates = levels_and_rates("PGA")
     expected, alone = [], []
     for row in rates:
