@@ -321,7 +321,7 @@ def _changes(
         yield AS_NOW, analysis.with_first(replace(first, earlier=()))
     if len(ordered) > 1:
         for word, (yaw, _) in (("most", ordered[0]), ("least", ordered[-1])):
-            name = f"direction: all shaking at yaw {yaw:g}°, the {word} fragile"
+            name = f"direction: all shaking of {first.name} at yaw {yaw:g}°, the {word} fragile"
             earlier = tuple((one.towards(yaw), until) for one, until in first.earlier)
             if any(
                 one is whole for (one, _), (whole, _) in zip(earlier, first.earlier, strict=True)

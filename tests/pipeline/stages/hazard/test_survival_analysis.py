@@ -168,6 +168,19 @@ def test_two_rocks_are_not_drawn_alike() -> None:
     assert found < 0.85 * np.exp(-years * rate * thresholds**-SLOPE).mean()
 
 
+def test_of_several_rocks_the_first_is_shaken_in_one_direction() -> None:
+    """Each has the yaw of its own scan: the others, weaker from one side, keep all of theirs."""
+    weak, strong = ensemble([0.3], 2000), ensemble([0.6], 2000)
+    sides = replace(strong, by_yaw={0.0: weak.mean, 90.0: strong.mean})
+    rocks = (DatedRock(name, sides, np.array([1000.0])) for name in ("one", "other"))
+    analysis = of_curves(model(1e-4), *rocks)
+    found = {one.name: one.analysis.rocks for one in cases(analysis, {}, {})}
+    for name, yaw in (("yaw 0°, the most", 0.0), ("yaw 90°, the least", 90.0)):
+        one, other = found[f"direction: all shaking of one at {name} fragile"]
+        assert one.fragility.mean is sides.by_yaw[yaw]
+        assert other is analysis.rocks[1]
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_a_rock_of_fits_that_has_just_come_leaves_the_draws_of_another(first: bool) -> None:
     """Of two draws of one rock that stand with 0.1 and 0.8 the mean is taken, as without it."""
