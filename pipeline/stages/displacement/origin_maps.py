@@ -43,7 +43,7 @@ def origin_maps(
     _motions(figure, left, origin, forward)
     _ground(right, origin, forward, found, terrain)
     text, weight = textwrap.fill(origin.statement, 65), "normal" if origin.answered else "bold"
-    figure.text(0.06, 0.08, text, va="top", weight=weight, gid="statement")
+    figure.text(0.06, 0.105, text, va="top", weight=weight, gid="statement")
     named(figure, source)
     return figure
 

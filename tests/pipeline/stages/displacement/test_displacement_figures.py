@@ -528,7 +528,7 @@ def every_figure(runs: xr.Dataset, ground: xr.Dataset) -> Iterator[Figure]:
         yield draw(runs, ground, SOURCE)
     for draw in (trajectory_lengths, ensemble_means):
         yield draw(runs, SOURCE)
-    known, found = forward([runs], np.zeros((1, 2))), ObservedBoulder((5.0, 0.0), 0.5)
+    known, found = forward([runs], np.zeros((1, 2))), ObservedBoulder((5.0, 0.0), 0.3)
     yield origin_maps(trace(known, found), known, found, ground, SOURCE)
 
 
@@ -549,6 +549,8 @@ def test_text_lies_inside_the_figures(runs: xr.Dataset, ground: xr.Dataset) -> N
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         frame = figure.bbox
+        for text in figure.texts:
+            assert text.get_window_extent(canvas.get_renderer()).y0 >= frame.y0, text.get_text()
         (note,) = (text for text in figure.texts if text.get_gid() == "source")
         foot = note.get_window_extent(canvas.get_renderer()).y0
         for axes in figure.axes:
