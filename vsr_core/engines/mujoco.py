@@ -69,6 +69,9 @@ WORLDS_KEPT = 2
 
 _worlds: OrderedDict[Scene, MujocoWorld] = OrderedDict()
 
+# A run that diverges is told by its state; MuJoCo would print it, and into a file where we stand.
+mujoco.set_mju_user_warning(lambda message: None)
+
 
 class MujocoWorld:
     """One rock in a world of its own."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 import importlib.util
 import math
 import types
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
-from vsr_core import GRAVITY
+from vsr_core import GRAVITY, engines
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
@@ -117,3 +118,20 @@ def test_a_method_that_diverges_gives_nan() -> None:
     tilts = iter([0.1, math.nan, 0.2])
     drive = np.zeros(3 * other_engines.MONITOR_EVERY)
     assert math.isnan(other_engines.largest_tilt(lambda values: None, lambda: next(tilts), drive))
+
+
+@pytest.mark.parametrize("name", ["engine", "mujoco_default"])
+def test_mujoco_diverges_without_a_word(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Its state tells of it; of itself MuJoCo prints, and writes into the current folder."""
+    monkeypatch.chdir(tmp_path)
+    if name == "engine":
+        world = engines.load("mujoco").build(Scene(block(), Contact(0.6)), 0.002)
+        world.advance([0.0] * 5 + [math.nan] * 5)
+        assert np.isnan(world.state().position).all()
+    else:
+        importlib.import_module("mujoco").set_mju_user_warning(None)
+        assert math.isnan(coarsest(name, block(), 0.6)(CosinePulse.from_g(1e30, 0.4)))
+    assert capfd.readouterr() == ("", "")
+    assert not list(tmp_path.iterdir())

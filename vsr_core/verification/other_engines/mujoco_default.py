@@ -77,8 +77,9 @@ def model_of(scene: Scene, time_step: float, time_constant: float) -> mujoco.MjM
     spec.option.timestep = time_step
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.gravity = [0.0, 0.0, -scene.gravity]
-    # A state that is not finite must be seen, not quietly replaced by the initial one.
+    # A state that is not finite must be seen, not quietly replaced by the initial one, nor printed.
     spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    mujoco.set_mju_user_warning(lambda message: None)
     contact = {
         "friction": [scene.contact.friction, 0.0, 0.0],
         "condim": 3,
