@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 _WHERE = "unresolved; the report and responses.nc say which"
 WITHOUT_VERDICT = (f"run is {_WHERE}", f"runs are {_WHERE}")
+_DRAWN = "unresolved; the report and responses.nc, or of draws uncertainty.nc, say which"
+_RUN_OR_DRAWN = (f"run is {_DRAWN}", f"runs are {_DRAWN}")
 
 OF_A_SITE = ("site", "name", "study", "set")
 """Options that name a rock and its settings."""
@@ -93,6 +95,7 @@ DELIVERABLES = {
         "which earthquakes and faults the rock speaks against; needs --age",
         f"{_ROCK} --age 20000 --age-sd 3000",
         ("exclusion.html", "exclusion.csv", "exclusion.nc"),
+        _RUN_OR_DRAWN,
         options=(*OF_A_SITE, "age", "age-sd"),
     ),
     "hazard": Deliverable(
@@ -100,6 +103,7 @@ DELIVERABLES = {
         "what the rock says of a hazard model; needs --curves, or --events, and --age",
         f"{_ROCK} --curves data/raw/hazard/made_up --age 2000",
         ("hazard.html", "hazard.csv", "hazard.nc"),
+        _RUN_OR_DRAWN,
         options=(*OF_A_SITE, "curves", "events", "age", "age-sd"),
     ),
     "accuracy": Deliverable(
