@@ -151,6 +151,12 @@ def _interval(data: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
     return data[LOWER].clip(min=0.0) * (1.0 - error), data[UPPER] * (1.0 + error)
 
 
+def typical(curves: xr.Dataset, kept: tuple[str, ...]) -> xr.Dataset:
+    """Medians of boundaries over all other dimensions; nan between -inf and inf."""
+    with np.errstate(invalid="ignore"):
+        return curves.median([dim for dim in curves[BOUNDARY].dims if dim not in kept])
+
+
 def filled(data: xr.Dataset) -> xr.Dataset:
     """Boundaries also on rows that were not run, straight between neighbours in the logarithms.
 
@@ -210,7 +216,7 @@ def spread(own: xr.Dataset, dimension: Dimension) -> tuple[float, float]:
         Median and largest difference from the reference, as shares, on the reference's rows.
     """
     name, found = dimension.name, []
-    curves = own[BOUNDARY].median([d for d in own[BOUNDARY].dims if d not in (name, "pgv_pga")])
+    curves = typical(own[[BOUNDARY]], (name, "pgv_pga"))[BOUNDARY]
     ratio = own["pgv_pga"].values
     for n in range(own.sizes[name]):
         known = np.isfinite(curves.isel({name: n}).values)

@@ -20,6 +20,7 @@ from pipeline.stages.studies.sweeps.changes import (
     axis_label,
     filled,
     places,
+    typical,
 )
 from pipeline.workflow.datasets import label
 from vsr_core.arrays import Array, Indices, Mask
@@ -161,16 +162,14 @@ def _cells(axes: Axes, one: xr.Dataset) -> QuadMesh:
 
 def _curve(one: xr.Dataset) -> Array:
     """Boundary at each PGV/PGA, the median of all else [g]; nan where none was found."""
-    boundary = one[BOUNDARY]
-    others = [dim for dim in boundary.dims if dim != "pgv_pga"]
-    values: Array = boundary.median(others).values
+    values: Array = typical(one[[BOUNDARY]], ("pgv_pga",))[BOUNDARY].values
     return np.where(np.isfinite(values), values, np.nan)
 
 
 def _typical(data: xr.Dataset, name: str) -> xr.Dataset:
     """Boundaries and their ends on (dimension, PGV/PGA), medians of all else."""
     curves = data[[one for one in (BOUNDARY, LOWER, UPPER) if one in data]]
-    found = curves.median([dim for dim in data[BOUNDARY].dims if dim not in (name, "pgv_pga")])
+    found = typical(curves, (name, "pgv_pga"))
     return found.where(np.isfinite(found[BOUNDARY])).transpose(name, "pgv_pga")
 
 

@@ -32,8 +32,12 @@ def test_a_line_over_the_key_breaks_at_a_place_where_nothing_topples() -> None:
     assert high > 0.004
 
 
-def test_a_row_that_topples_at_once_is_below_the_others_in_a_median() -> None:
-    parts = [sweep(*[row] * 4) for row in (AT_ONCE, AT_ONCE, HERE)]
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("rows", [(AT_ONCE, AT_ONCE, HERE), (AT_ONCE, NEVER)])
+def test_a_row_that_topples_at_once_is_below_the_others_in_a_median(
+    rows: tuple[tuple[float, float], ...],
+) -> None:
+    parts = [sweep(*[row] * 4) for row in rows]
     lines = boundaries(xr.concat(parts, "yaw", data_vars="all"), STEP, None).axes[0].lines
     assert np.isnan(lines[1].get_xdata()).all()
     assert np.isfinite(lines[0].get_xdata()).all()
