@@ -129,14 +129,14 @@ def seat(
     middles = terrain.vertices[terrain.faces].mean(axis=1)
     beneath = shapely.union_all([shapely.make_valid(shapely.Polygon(loop)) for loop in loops])
     unseen = shapely.contains_xy(beneath, middles[:, :2]) & (middles[:, 2] < outer[:, 2].mean())
-    depth = GAP_SHARE if bearing == "whole" else DEPTH_SHARE
-    vertices = _cleared(terrain, pieces or (outer,), radius, depth)
+    whole = bearing == "whole"
+    laid = terrain if whole else _banked(terrain, beneath, radius)
+    depth = GAP_SHARE if whole else DEPTH_SHARE
+    ground = Terrain(_cleared(laid, pieces or (outer,), radius, depth), terrain.faces)
     seen = np.setdiff1d(terrain.faces[~unseen], terrain.faces[unseen])
-    moved = np.linalg.norm(vertices - terrain.vertices, axis=1)[seen].max(initial=0.0)
-    ground = Terrain(vertices, terrain.faces)
-    if bearing == "whole":
+    moved = np.linalg.norm(ground.vertices - laid.vertices, axis=1)[seen].max(initial=0.0)
+    if whole:
         return Seat(ground, np.empty((0, 3)), (), float(moved))
-    vertices[:, 2] = np.minimum(vertices[:, 2], _banked(terrain, beneath, radius))
     points, upward = _bearing(np.concatenate(loops), ConvexHull(corners), radius, bearing)
     height = DEPTH_SHARE * radius
     pyramids = (_pyramid(tip, up, height) for tip, up in zip(points, upward, strict=True))
@@ -167,11 +167,12 @@ def _cleared(terrain: Terrain, bodies: Sequence[Array], radius: float, depth: fl
     raise _stays()
 
 
-def _banked(terrain: Terrain, beneath: shapely.Geometry, radius: float) -> Array:
-    """Heights of ground that goes down beside the seam to what was not seen, shape (n,) [m]."""
+def _banked(terrain: Terrain, beneath: shapely.Geometry, radius: float) -> Terrain:
+    """Ground that goes down to the depth of what was not seen, and beside the seam towards it."""
     apart = shapely.distance(beneath, shapely.points(terrain.vertices[:, :2]))
     share = np.clip(1.0 - apart / (BANK_SHARE * radius), 0.0, 1.0)
-    return np.asarray(terrain.vertices[:, 2] - DEPTH_SHARE * radius * share)
+    down = np.outer(DEPTH_SHARE * radius * share, [0.0, 0.0, 1.0])
+    return Terrain(terrain.vertices - down, terrain.faces)
 
 
 def _inside(hull: ConvexHull, other: ConvexHull, margin: float) -> Mask:

@@ -86,6 +86,25 @@ def test_ground_beside_the_seam_goes_down_however_small_its_triangles_are(cells:
         assert height == pytest.approx(-depth * max(0.0, 1.0 - share), abs=0.07 * depth)
 
 
+def test_a_wall_that_leans_over_the_rock_beside_the_seam_stays_out_of_it() -> None:
+    """A frustum whose side stands beneath a wall 1 mm beside it."""
+    x, y, z = (axis.ravel() for axis in np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [0.0, 0.6]))
+    body = np.column_stack([x * (0.5 - 0.75 * z), y * (0.5 - 0.75 * z), z])
+    foot = 0.5 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    heights = np.linspace(0.0, 0.5, 20)
+    along = [
+        np.append(np.linspace(-1.5, 0.4, 40), 0.501 - 0.75 * heights),
+        np.r_[[0.0] * 40, heights],
+    ]
+    rows = [np.column_stack([along[0], np.full(60, at), along[1]]) for at in np.linspace(-1, 1, 41)]
+    first = (60 * np.arange(40)[:, None] + np.arange(59)).reshape(-1, 1)
+    faces = first + np.array([[0, 1, 61], [0, 61, 60]])[:, None]
+    scanned = Terrain(np.concatenate(rows), faces.reshape(-1, 3))
+    ground = seat.seat(scanned, [foot], body, body, "rim").ground
+    sides = ConvexHull(body).equations
+    assert (ground.vertices @ sides[:, :3].T + sides[:, 3]).max(axis=1).min() > 0.0
+
+
 def test_walls_that_hold_it_are_named() -> None:
     """A block between two walls, which may squeeze it as hard as they like, and open ground."""
     rock = solid.box((1.0, 1.0, 2.0), 2700.0).rock
