@@ -227,7 +227,8 @@ def _plain(value: Any) -> Any:
 
 def _path(key: str, given: Any) -> str:
     """A path that a parameter gives, as text."""
-    if isinstance(given, str | os.PathLike) and isinstance(text := os.fspath(given), str):
+    text = os.fspath(given) if isinstance(given, str | os.PathLike) else None
+    if isinstance(text, str) and "\0" not in text:
         return text
     rule, remedy = "it is a name or a path", "write it as a text"
     raise InputError(Problem("vsr.run", key, f"{given!r:.60}", rule, remedy))

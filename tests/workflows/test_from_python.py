@@ -171,7 +171,7 @@ def test_an_empty_folder_of_results_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("key", ["derived", "study"])
-@pytest.mark.parametrize("path", [5, b"results", ["results"]])
+@pytest.mark.parametrize("path", [5, b"results", ["results"], "a\0b"])
 def test_what_is_no_path_is_refused(key: str, path: Any, tmp_path: Path) -> None:
     with pytest.raises(vsr.InputError, match=rf"^vsr\.run: {key}: got [^\n]*; it is a name or a"):
         vsr.run("rock", BLOCK, workers=0, **{key: path})
