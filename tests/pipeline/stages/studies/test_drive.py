@@ -189,6 +189,7 @@ def test_products(
     assert "servo" in other.out  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_a_rock_that_nothing_holds_is_tried_from_a_small_pga_on(
     small: None, write_site: Callable[..., str], vsr: Callable[..., object], derived: Path
 ) -> None:
