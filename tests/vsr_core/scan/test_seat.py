@@ -27,6 +27,9 @@ pytestmark = pytest.mark.usefixtures("few_samples")
 
 FIELD = FIELDS["rough ground, sunk 1 cm"]
 
+FOOT = 0.5 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+"""Seam of a block, shape (4, 3) [m]."""
+
 
 @cache
 def seated(bearing: seat.Bearing = "rim") -> tuple[Rock, seat.Seat]:
@@ -78,8 +81,7 @@ def test_ground_beside_the_seam_goes_down_however_small_its_triangles_are(cells:
     faces = first + np.array([[0, 1, cells + 2], [0, cells + 2, cells + 1]])[:, None]
     ground = Terrain(np.column_stack([x, y, 0.0 * x]), faces.reshape(-1, 3))
     corners = own.vertices + np.array([0.0, 0.0, own.height])
-    foot = 0.5 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
-    laid = seat.seat(ground, [foot], corners, corners, "rim")
+    laid = seat.seat(ground, [FOOT], corners, corners, "rim")
     depth, wide = seat.DEPTH_SHARE * radius, seat.BANK_SHARE * radius
     for share in (0.4, 0.6, 0.8, 1.5):
         (height,) = laid.ground.surfaces(0.5 + share * wide, 0.1)[0]
@@ -90,7 +92,6 @@ def test_a_wall_that_leans_over_the_rock_beside_the_seam_stays_out_of_it() -> No
     """A frustum whose side stands beneath a wall 1 mm beside it."""
     x, y, z = (axis.ravel() for axis in np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [0.0, 0.6]))
     body = np.column_stack([x * (0.5 - 0.75 * z), y * (0.5 - 0.75 * z), z])
-    foot = 0.5 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
     heights = np.linspace(0.0, 0.5, 20)
     along = [
         np.append(np.linspace(-1.5, 0.4, 40), 0.501 - 0.75 * heights),
@@ -100,7 +101,7 @@ def test_a_wall_that_leans_over_the_rock_beside_the_seam_stays_out_of_it() -> No
     first = (60 * np.arange(40)[:, None] + np.arange(59)).reshape(-1, 1)
     faces = first + np.array([[0, 1, 61], [0, 61, 60]])[:, None]
     scanned = Terrain(np.concatenate(rows), faces.reshape(-1, 3))
-    ground = seat.seat(scanned, [foot], body, body, "rim").ground
+    ground = seat.seat(scanned, [FOOT], body, body, "rim").ground
     sides = ConvexHull(body).equations
     assert (ground.vertices @ sides[:, :3].T + sides[:, 3]).max(axis=1).min() > 0.0
 
