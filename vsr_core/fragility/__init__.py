@@ -94,9 +94,9 @@ def _fitted(model: FragilityModel, ln_pga: Array, n_bootstrap: int) -> ModelFit:
     """Score a fitted model and put its answers for the grid together."""
     coefs = model.coefs
     spread = bootstrap(model, n_bootstrap)
+    ends = model.opened(spread.parameters)
     parameters = tuple(
-        Parameter(name, value[0], *spread.parameters[name])
-        for name, value in model.named(coefs).items()
+        Parameter(name, value[0], *ends[name]) for name, value in model.named(coefs).items()
     )
     low, median, high = (model.grid_contour(coefs, level)[0] for level in (0.025, 0.5, 0.975))
     return ModelFit(

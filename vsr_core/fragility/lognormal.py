@@ -38,8 +38,8 @@ class LognormalFragility(FragilityModel):
     ----------
     status : tuple of str, length n_ratio
         Of each row: "probit", outcomes overlap, maximum likelihood; "interval", all balanced below
-        all overturned; "above", never topples, theta is the least value that the row allows;
-        "below", topples from its first PGA on, theta is the largest value that the row allows;
+        all overturned; "above", never topples, theta may be any larger value; "below", topples from
+        its first PGA on, theta may be any smaller value;
         "flat", toppling does not rise with PGA, beta is held at `MAX_BETA`; "undecided", no decided
         cell, interpolated from the neighbouring rows.
 
@@ -92,6 +92,19 @@ class LognormalFragility(FragilityModel):
     def named(self, coefs: Array) -> dict[str, Array]:
         with np.errstate(over="ignore"):  # open above where an outcome hardly depends on PGA
             return dict(zip(("theta", "beta"), np.exp(np.moveaxis(coefs, -1, 0)), strict=True))
+
+    def opened(self, ends: dict[str, tuple[Array, Array]]) -> dict[str, tuple[Array, Array]]:
+        """As of the base: theta of what never topples has no largest value.
+
+        Nor has that of a row without a verdict beside it; the same of the least one.
+        """
+        ln_ratio, usable = self.cells.ln_ratio, self.cells.usable
+        above, below = (
+            np.interp(ln_ratio, ln_ratio[usable], np.equal(self.status, name)[usable]) > 0.0
+            for name in ("above", "below")
+        )
+        low, high = ends["theta"]
+        return ends | {"theta": (np.where(below, 0.0, low), np.where(above, np.inf, high))}
 
     def probability(self, coefs: Array, ln_pga: Array) -> Array:
         ln_theta, ln_beta = np.moveaxis(coefs[..., None], 2, 0)

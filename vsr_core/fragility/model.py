@@ -226,6 +226,10 @@ class FragilityModel(ABC):
         """
         return {}
 
+    def opened(self, ends: dict[str, tuple[Array, Array]]) -> dict[str, tuple[Array, Array]]:
+        """Ends of the intervals of the parameters, 0 or inf where no run bounds one."""
+        return ends
+
     @abstractmethod
     def probability(self, coefs: Array, ln_pga: Array) -> Array:
         """P(overturned) at PGAs, shape (n,) [ln g], of each row: shape (batch, n_ratio, n)."""

@@ -92,11 +92,14 @@ def lognormal_rows(medians: Array, betas: Array) -> RowFragility:
     Parameters
     ----------
     medians, betas : ndarray, shape (directions, rows)
-        Of Phi(ln(PGA / median) / beta), medians in m/s^2, infinite where nothing topples it.
+        Of Phi(ln(PGA / median) / beta), medians in m/s^2, infinite where nothing topples it and 0
+        where all does.
     """
+    with np.errstate(divide="ignore"):  # ln 0
+        ln_medians = np.log(medians)[..., None]
 
     def rows(level: Array) -> Array:
-        off = np.log(level) - np.log(medians)[..., None]
+        off = np.log(level) - ln_medians
         return ndtr(off / betas[..., None]).mean(axis=0)
 
     return rows

@@ -326,6 +326,18 @@ def test_lognormal_separated_rows_say_what_the_grid_allows():
     np.testing.assert_array_equal(model.grid_contour(model.coefs, 0.5)[0, [0, 4]], [np.inf, 0.0])
 
 
+def test_theta_of_rows_of_one_outcome_has_no_end_that_no_run_gives():
+    """Nor has that of an undecided row beside them; a row that is decided keeps its own ends."""
+    pga = np.array([0.1, 0.2, 0.4, 0.8])
+    one, none = [0, 0, 1, 1], [np.nan] * 4
+    grid = [[0] * 4, none, one, none, one, none, [1] * 4]
+    found = fit_all(pga, 0.1 * np.arange(1, 8), grid)
+    theta = next(each for each in found.model("lognormal").parameters if each.name == "theta")
+    np.testing.assert_array_equal(theta.upper == np.inf, [1, 1, 0, 0, 0, 0, 0])
+    np.testing.assert_array_equal(theta.lower == 0.0, [0, 0, 0, 0, 0, 1, 1])
+    assert np.isfinite(theta.value).all()
+
+
 def test_lognormal_row_that_falls_with_pga_is_flat():
     model = LognormalFragility(counted(AXIS, [0.3], [AXIS < 0.3]))
     ln_theta, ln_beta = model.coefs[0, 0]

@@ -23,12 +23,13 @@ from pipeline.config.hazard_schema import (
 )
 from pipeline.config.observation_schema import Earthquake
 from pipeline.config.problems import InputError
+from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
-from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_members
+from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_fits, of_members
 from pipeline.stages.hazard.survival_analysis import (
     AS_NOW,
     BASE_CASE,
@@ -179,6 +180,27 @@ def test_of_several_rocks_the_first_is_shaken_in_one_direction() -> None:
         one, other = found[f"direction: all shaking of one at {name} fragile"]
         assert one.fragility.mean is sides.by_yaw[yaw]
         assert other is analysis.rocks[1]
+
+
+def test_a_row_that_no_run_topples_may_stand_for_ever() -> None:
+    """Its theta has no largest value; that of a row which topples at the lowest PGA no least."""
+    rows = ("yaw", "friction", "pgv_pga")
+    data = xr.Dataset(
+        {
+            "theta": (rows, [[[2.0, 0.5, 0.02]]]),
+            "beta": (rows, [[[0.1, 0.1, 0.1]]]),
+            "theta_interval": ((*rows, "bound"), [[[[1.9, np.inf], [0.4, 0.6], [0.0, 0.022]]]]),
+        },
+        {"yaw": [0.0], "friction": [0.5], "pgv_pga": [0.1, 0.2, 0.4], "pga": [0.1, 1.0]},
+        dict.fromkeys(SEARCHED, 1.0),
+    )
+    found = of_fits(SimpleNamespace(data=data))
+    low, high = (one(GRAVITY * np.array([1e-6, 0.5, 1e6])) for one in found.others)
+    assert (high[0] == 0.0).all()
+    assert (low[2] == 1.0).all()
+    assert 0.0 < low[0, 1] < high[2, 1] == 1.0
+    assert low[1, 1] == pytest.approx(norm.cdf(np.log(0.5 / 0.4) / 0.1))
+    assert high[1, 1] == pytest.approx(norm.cdf(np.log(0.5 / 0.6) / 0.1))
 
 
 @pytest.mark.parametrize("first", [True, False])
