@@ -65,7 +65,8 @@ class Change:
     ----------
     mean, low, high : float, change of the boundary [1]: geometric mean, 10 and 90 % of all rows
     apart, rows : int, rows whose boundaries are apart, and all that can be compared
-    lost : int, rows that topple at the reference and not here
+    lost, gained, lowest : int, rows whose change is not known: that topple at the reference and not
+        here, here and not at the reference, or at the lowest PGA that was tried, at either
     toppled : float, share of the decided runs that topple
     bounded : bool, whether something topples, on the grid or beyond it
     time_step : float [s]
@@ -81,11 +82,18 @@ class Change:
     apart: int
     rows: int
     lost: int
+    gained: int
+    lowest: int
     toppled: float
     bounded: bool
     time_step: float
     error: float
     interval: float
+
+    @property
+    def without(self) -> int:
+        """Rows that the mean leaves out."""
+        return self.lost + self.gained + self.lowest
 
     @property
     def share(self) -> float:
@@ -127,6 +135,8 @@ def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> C
     compared = (own_low.notnull() & other_low.notnull()).values
     apart = ((own_low > other_high) | (own_high < other_low)).values & compared
     decided = (here["overturned"] >= 0).sum().item()
+    topples = np.isfinite(here[UPPER]) & np.isfinite(there[UPPER])
+    lowest = topples & (np.isinf(here[BOUNDARY]) | np.isinf(there[BOUNDARY]))
     half = 0.5 * (here[UPPER] - here[LOWER]) / here[BOUNDARY]
     return Change(
         label,
@@ -137,6 +147,8 @@ def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> C
         apart=int(apart.sum()),
         rows=int(compared.sum()),
         lost=int((np.isfinite(there[UPPER]) & (here[BOUNDARY] == np.inf)).sum()),
+        gained=int((np.isfinite(here[UPPER]) & (there[BOUNDARY] == np.inf)).sum()),
+        lowest=int(lowest.sum()),
         toppled=(here["overturned"] == 1).sum().item() / decided if decided else np.nan,
         bounded=bool(np.isfinite(here[UPPER]).any()),
         time_step=_largest(here["time_step"]),
@@ -269,8 +281,18 @@ def headline(sweep: Sweep, found: list[str], site: str) -> str:
     return " ".join(found)
 
 
-def about(dimension: Dimension, changes: list[Change], spread: tuple[float, float] | None) -> str:
-    """Say how far the boundary moves along a dimension, and whether that is more than its error."""
+def about(
+    dimension: Dimension,
+    changes: list[Change],
+    spread: tuple[float, float] | None,
+    constant: list[str],
+) -> str:
+    """Say how far the boundary moves along a dimension, and whether that is more than its error.
+
+    Parameters
+    ----------
+    constant : list of str, the other dimensions, each at its reference
+    """
     own = ""
     if spread is not None and np.isfinite(spread[0]):
         own = (
@@ -278,7 +300,8 @@ def about(dimension: Dimension, changes: list[Change], spread: tuple[float, floa
             f"median and {100 * spread[1]:.2f} % at most."
         )
     sentences = (_moved(dimension, changes), _none(changes), _beyond(changes), own)
-    return " ".join(filter(None, sentences))
+    where = f"At {listed(constant)}: " if constant else ""
+    return where + " ".join(filter(None, sentences))
 
 
 def _moved(dimension: Dimension, changes: list[Change]) -> str:
@@ -300,15 +323,29 @@ def _moved(dimension: Dimension, changes: list[Change]) -> str:
 def _none(changes: list[Change]) -> str:
     """Where nothing topples, and at how many PGV/PGA levels elsewhere."""
     safe = [one.label for one in changes if one.toppled == 0.0 and not one.bounded]
-    lost = [one for one in changes if one.lost and one.label not in safe]
-    said = []
-    if lost:
-        counts = ", ".join(f"{one.lost} of {one.rows} at {one.label}" for one in lost[:MOST_NAMED])
-        more = f" and at {len(lost) - MOST_NAMED} more" if len(lost) > MOST_NAMED else ""
-        said = [f"This excludes PGV/PGA levels that no longer topple: {counts}{more}."]
+    left = [one for one in changes if one.label not in safe]
+    kinds = {
+        "that no longer topple": [(one, one.lost) for one in left],
+        "that do not topple at the reference": [(one, one.gained) for one in left],
+        "that topple at the lowest PGA tried": [
+            (one, one.lowest) for one in left if not one.is_reference
+        ],
+    }
+    said = [
+        f"This excludes PGV/PGA levels {kind}: {_counts([one for one in found if one[1]])}."
+        for kind, found in kinds.items()
+        if any(count for _, count in found)
+    ]
     if safe:
         said.append(f"At {_named(safe)} nothing topples up to the highest PGA tried.")
     return " ".join(said)
+
+
+def _counts(found: list[tuple[Change, int]]) -> str:
+    """How many of the rows of each place; of many places, the first."""
+    counts = ", ".join(f"{count} of {one.rows} at {one.label}" for one, count in found[:MOST_NAMED])
+    more = len(found) - MOST_NAMED
+    return f"{counts} and at {more} more" if more > 0 else counts
 
 
 def _beyond(changes: list[Change]) -> str:

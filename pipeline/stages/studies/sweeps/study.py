@@ -73,6 +73,8 @@ def _compared(swept: Swept, data: xr.Dataset, dimension: Dimension) -> dict[str,
     found: list[Change] = changes(part, dimension)
     own = collapsed(part)
     apart = spread(own, dimension) if own is not None else None
+    others = [one for one in swept.sweep.dimensions if one is not dimension]
+    constant = [f"{one.name} {places(one)[one.reference]}" for one in others]
     drawn = {
         "multiples": figures.multiples(part, dimension),
         "over_key": figures.over_key(part, dimension),
@@ -84,13 +86,8 @@ def _compared(swept: Swept, data: xr.Dataset, dimension: Dimension) -> dict[str,
         "over": _over(part, dimension),
         "changes": found,
         "reference": places(dimension)[dimension.reference],
-        "sentence": about(dimension, found, apart),
+        "sentence": about(dimension, found, apart, constant),
         "gaps": bool((data["outcome"] < 0).any()),
-        "others": [
-            f"{one.name} {places(one)[one.reference]}"
-            for one in swept.sweep.dimensions
-            if one is not dimension
-        ],
         "unmeasured": any(np.isnan(one.error) for one in found),
         "panels": min(len(dimension.labels), figures.MOST_PANELS),
         "spread": apart,

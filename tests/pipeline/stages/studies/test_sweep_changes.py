@@ -68,7 +68,7 @@ def test_a_row_that_only_topples_elsewhere_has_no_change() -> None:
     same = (0.3, 0.4)
     other = compared([same, same, same, NEVER], [same] * 4)[1]
     assert (other.mean, other.low, other.high) == (0.0, 0.0, 0.0)
-    assert (other.apart, other.rows, other.lost) == (1, 4, 0)
+    assert (other.apart, other.rows, other.lost, other.gained) == (1, 4, 0, 1)
     assert np.isnan(compared([NEVER] * 4, [same] * 4)[1].mean)
 
 
@@ -84,25 +84,25 @@ def test_a_row_that_topples_at_once_lies_below_the_grid() -> None:
     assert (other.apart, other.rows, other.lost, other.toppled) == (4, 4, 0, 1.0)
     assert np.isnan(other.mean)
     none = "No PGV/PGA level has a boundary at both size 1 and another."
-    assert none in about(SIZE, [other], None)
+    assert none in about(SIZE, [other], None, [])
 
 
 def test_sentences_tell_a_change_from_its_error() -> None:
     same = [(0.3, 0.4)] * 4
-    said = about(SIZE, compared(same, same), None)
+    said = about(SIZE, compared(same, same), None, [])
     assert "does not move" in said
     assert "At no PGV/PGA level is the change beyond the intervals (not all" in said
-    said = about(SIZE, compared(same, same, error=0.01), None)
+    said = about(SIZE, compared(same, same, error=0.01), None, [])
     assert "At no PGV/PGA level is the change beyond the numerical errors and the intervals" in said
-    said = about(SIZE, compared(same, [(0.5, 0.6)] * 2 + same[:2]), None)
+    said = about(SIZE, compared(same, [(0.5, 0.6)] * 2 + same[:2]), None, [])
     assert "moves by +26 % at 4" in said  # the fourth root of 0.30 / 0.12, less 1
     assert "at half or more of the PGV/PGA levels at 4" in said
-    said = about(SIZE, compared(same, [NEVER] * 4), None)
+    said = about(SIZE, compared(same, [NEVER] * 4), None, [])
     assert "At 4 nothing topples up to the highest PGA tried." in said
 
 
 def test_what_topples_beyond_the_grid_topples() -> None:
-    said = about(SIZE, compared([NEVER] * 4, [(1.4, 1.6)] * 4), None)
+    said = about(SIZE, compared([NEVER] * 4, [(1.4, 1.6)] * 4), None, [])
     assert "No PGV/PGA level has a boundary at both" in said
     assert "At 1 nothing topples up to the highest PGA tried." in said
 
@@ -119,15 +119,32 @@ def test_runs_by_their_number_are_no_rows_of_records() -> None:
 def test_levels_that_no_longer_topple_are_named_beside_a_place_where_nothing_does() -> None:
     same = [(0.3, 0.4)] * 4
     three = Dimension("size", {"rock.radius": (1, 4, 9)}, ("1", "4", "9"), 0, gridded=False)
-    said = about(three, changes(study(same, [*same[:3], NEVER], [NEVER] * 4), three), None)
+    said = about(three, changes(study(same, [*same[:3], NEVER], [NEVER] * 4), three), None, [])
     assert "This excludes PGV/PGA levels that no longer topple: 1 of 4 at 4." in said
     assert "At 9 nothing topples up to the highest PGA tried." in said
+
+
+def test_levels_that_a_mean_leaves_out_are_told_with_the_reason() -> None:
+    """Neither topples, only the other does, and the lowest PGA topples one, or both."""
+    same, low = (0.3, 0.4), AT_ONCE
+    said = about(SIZE, compared([NEVER, NEVER, same, low], [NEVER, same, same, low]), None, [])
+    assert "PGV/PGA levels that do not topple at the reference: 1 of 4 at 4." in said
+    assert "PGV/PGA levels that topple at the lowest PGA tried: 1 of 4 at 4." in said
+    assert "no longer" not in said
+    found = compared([same, same, low, NEVER], [low, NEVER, same, low])[1]
+    assert (found.lost, found.gained, found.lowest, found.without) == (1, 1, 2, 4)
+
+
+def test_what_holds_at_one_place_of_another_dimension_says_so() -> None:
+    same = [(0.3, 0.4)] * 4
+    said = about(SIZE, compared(same, [NEVER] * 4), None, ["turn 0 deg", "grip 0.3"])
+    assert said.startswith("At turn 0 deg and grip 0.3: ")
 
 
 def test_places_where_the_boundary_moves_alike_are_all_named() -> None:
     same, more = [(0.3, 0.4)] * 4, [(0.5, 0.6)] * 4
     three = Dimension("size", {"rock.radius": (1, 4, 9)}, ("1", "4", "9"), 0, gridded=False)
-    said = about(three, changes(study(same, more, more), three), None)
+    said = about(three, changes(study(same, more, more), three), None, [])
     assert "moves by +58 % at 4 and 9." in said  # the root of 0.30 / 0.12, less 1
 
 
