@@ -159,7 +159,8 @@ def independent(lengths: Sequence[int], seed: int = 1) -> Indices:
 
     Returns
     -------
-    ndarray of int, shape (lists, n): all combinations, or ``DRAWS`` and more of them at random
+    ndarray of int, shape (lists, n): all combinations, or ``DRAWS`` and more of them at random, in
+        which those of a shorter list come equally often to one, wherever they are in it
 
     Examples
     --------
@@ -168,8 +169,9 @@ def independent(lengths: Sequence[int], seed: int = 1) -> Indices:
     """
     if math.prod(lengths) <= DRAWS:
         return np.indices(lengths).reshape(len(lengths), -1)
-    rng, number = np.random.default_rng(seed), max(DRAWS, *lengths)
-    return np.array([rng.permutation(np.resize(np.arange(one), number)) for one in lengths])
+    rng, longest = np.random.default_rng(seed), max(lengths)
+    number = longest * math.ceil(DRAWS / longest)
+    return np.array([rng.permutation(np.arange(number) * one // number) for one in lengths])
 
 
 def _check(age: float, spread: float) -> None:

@@ -320,3 +320,13 @@ def test_many_samples_of_ages_do_not_depend_on_each_other() -> None:
         assert times.max() - times.min() <= 1
     for a, b in ((one, other), (other, third), (one, third)):
         assert abs(np.corrcoef(a, b)[0, 1]) < 4.0 / math.sqrt(DRAWS)
+
+
+@pytest.mark.parametrize("lengths", [(15_000, 2), (11_000, 15_000), (3000, 8)])
+def test_where_a_sample_stands_in_its_file_changes_nothing(lengths: tuple[int, ...]) -> None:
+    """Of a sorted file neither the first nor the last ages count more."""
+    found = independent(lengths)
+    for places, length in zip(found, lengths, strict=True):
+        times = np.bincount(places, minlength=length)
+        assert times.max() - times.min() <= (length < max(lengths))
+        assert places.mean() == pytest.approx((length - 1) / 2, abs=1.0)
