@@ -7,10 +7,14 @@ branches: the curve is the mean of the model.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.config.hazard_schema import HazardConfig
+from pipeline.config.in_si import in_g
 from pipeline.config.layers import Origin
 from pipeline.config.outside import checked, refused, table, text
 from pipeline.config.paths import located
@@ -24,7 +28,11 @@ from pipeline.stages.hazard.hazard_model import (
     Realization,
     model,
 )
-from pipeline.stages.hazard.shaking_ratio import disaggregation_files, load_disaggregation
+from pipeline.stages.hazard.shaking_ratio import (
+    Disaggregation,
+    disaggregation_files,
+    load_disaggregation,
+)
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import FilesInput
 from vsr_core.hazard.events import Events
@@ -34,6 +42,9 @@ ABOUT = "about.txt"
 
 NEARBY = 0.1
 """Degrees within which a disaggregation counts for a site: farther off are other earthquakes."""
+
+OTHERWISE = 2.0
+"""Factor within which a disaggregation and curves of one hazard agree: means of other weights."""
 
 _LONGEST_ABOUT = 100_000
 """Bytes of that text."""
@@ -158,8 +169,22 @@ def find(hazard: HazardConfig, origin: Origin) -> Curves:
     if disaggregated is not None:
         of_earthquakes = load_disaggregation(disaggregated)
         _check_place(disaggregated, of_earthquakes.location, found.location)
-        unused += of_earthquakes.unused
+        unused += of_earthquakes.unused + tuple(_other_rates(of_earthquakes, found))
     return Curves(path, before, found, events, disaggregated, about(path), unused)
+
+
+def _other_rates(of_earthquakes: Disaggregation, model: HazardModel) -> Iterator[str]:
+    """Disaggregated levels that the curves say are exceeded far more or less often, in words."""
+    curves = [one.pga for one in model.branches]
+    for level, rate in zip(of_earthquakes.levels, of_earthquakes.rates, strict=True):
+        within = [one for one in curves if one.levels[0] <= level <= one.levels[-1]]
+        each = [np.exp(np.interp(np.log(level), np.log(c.levels), np.log(c.rates))) for c in within]
+        if each and not min(each) / OTHERWISE <= rate <= max(each) * OTHERWISE and rate > 0.0:
+            yield (
+                f"disaggregated {in_g(level):.3g} g is exceeded {rate:.2g} times a year, and by "
+                f"the curves {min(each):.2g} to {max(each):.2g} times: one may be in other units, "
+                "or of another calculation"
+            )
 
 
 def _check_place(

@@ -41,7 +41,7 @@ SUFFIXES = (".hdf5", ".h5")
 
 _STORED = "hcurves-rlzs"
 _NAME = re.compile(r"hazard_curve-(mean|rlz-(\d+))-(\w+?)(?:_\d+)?\.csv")
-_YEARS = re.compile(r"investigation_time\s*=\s*([^\s,'\"]+)")
+YEARS = re.compile(r"investigation_time\s*=\s*([^\s,'\"]+)")
 _MEASURE = re.compile(r"imt\s*=\s*['\"]*([A-Za-z]+(?:\([^)]*\))?)")
 _KIND = re.compile(r"kind\s*=\s*['\"]*([\w.-]+)")
 _LEVEL = re.compile(r"([A-Za-z]\w*(?:\([^)]*\))?)-(.+)")
@@ -248,7 +248,7 @@ def _curves(folder: Path) -> dict[tuple[int, str], tuple[Path, GivenCurve]]:
 def _curve(path: Path, kind: str, measure: str) -> GivenCurve:
     lines = text(path)
     header = _header(lines)
-    years = _YEARS.search(header)
+    years = YEARS.search(header)
     if not years:
         rule = "the first line gives the years of the probabilities"
         raise refused(path, "investigation_time", "nothing", rule)

@@ -8,6 +8,7 @@ exceeded by earthquakes of a bin of magnitude and distance.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,7 +26,7 @@ from pipeline.config.outside import SUM, Row, Share, checked, refused, rows, tab
 from pipeline.config.sections import Refused
 from pipeline.stages.hazard.event_tables import Place
 from pipeline.stages.hazard.hazard_model import LEVELS, UNITS, HazardModel
-from pipeline.stages.hazard.openquake import check_calculation
+from pipeline.stages.hazard.openquake import YEARS, check_calculation
 from pipeline.workflow.grammar import counted, listed
 from vsr_core.arrays import Array
 from vsr_core.hazard.curve import mean_curve
@@ -77,6 +78,7 @@ class Disaggregation:
     magnitudes, distances : ndarray, shape (n,) [1] and [km], middles of the bins
     levels : ndarray, shape (k,) [m/s^2], ascending
     shares : ndarray, shape (k, n), rows sum to 1
+    rates : ndarray, shape (k,) [1/year], of exceedance; NaN where the files do not tell
     location : tuple of float [degree], longitude and latitude; None where no first line tells
     unused : what else is in the files, in words
     """
@@ -85,6 +87,7 @@ class Disaggregation:
     distances: Array
     levels: Array
     shares: Array
+    rates: Array
     location: tuple[float, float] | None = None
     unused: tuple[str, ...] = ()
 
@@ -231,6 +234,10 @@ class Bin(Row):
         (), description="weights of the realizations in the first line"
     )
 
+    years: float = Field(
+        np.nan, ge=1e-3, le=1e6, description="years of the probabilities in the first line"
+    )
+
     @model_validator(mode="after")
     def _weighed(self) -> Bin:
         if self.weights and len(self.weights) != len(self.shares):
@@ -242,6 +249,11 @@ class Bin(Row):
     def share(self) -> float:
         """The mean of the columns."""
         return float(np.average(self.shares, weights=self.weights or None))
+
+    @property
+    def rate(self) -> float:
+        """Of exceedance [1/year]; NaN where it is not told."""
+        return -math.log1p(-self.poe) / self.years if 0.0 < self.poe < 1.0 else np.nan
 
 
 class Edges(Row):
@@ -262,8 +274,8 @@ def load_disaggregation(path: Path) -> Disaggregation:
         found += of_pga
         unused += others
     bins = pd.DataFrame(
-        [(row.iml, row.mag, row.dist, row.share, row.poe) for row in found],
-        columns=["iml", "mag", "dist", "share", "poe"],
+        [(row.iml, row.mag, row.dist, row.share, row.poe, row.rate) for row in found],
+        columns=["iml", "mag", "dist", "share", "poe", "rate"],
     )
     if len(twice := bins[bins.duplicated(["iml", "mag", "dist"])]):
         given = "{:g} g, M {:g}, {:g} km in two files".format(*twice.iloc[0, :3])
@@ -288,8 +300,9 @@ def load_disaggregation(path: Path) -> Disaggregation:
     values = grid.to_numpy()
     levels = UNITS["PGA"] * grid.index.to_numpy(dtype=np.float64)
     shares = values / values.sum(axis=1, keepdims=True)
+    rates = bins.groupby("iml")["rate"].max().loc[grid.index].to_numpy(dtype=np.float64)
     location = None if place is None else (place.lon, place.lat)
-    return Disaggregation(magnitudes, distances, levels, shares, location, tuple(unused))
+    return Disaggregation(magnitudes, distances, levels, shares, rates, location, tuple(unused))
 
 
 def _other_wholes(bins: pd.DataFrame) -> Iterator[str]:
@@ -319,9 +332,10 @@ def _bins(path: Path) -> tuple[list[Bin], list[str]]:
     told = _WEIGHTS.search(first)
     weights = told[1].split(",") if told and len(shares) > 1 else []
     known = {*_COLUMNS, "poe"}
+    years = {"years": stated[1]} if (stated := YEARS.search(first)) else {}
     of_pga = [
         {name: cell for name, cell in row.items() if name in known and (name, cell) != _NO_POE}
-        | {"shares": [row[name] for name in shares], "weights": weights}
+        | {"shares": [row[name] for name in shares], "weights": weights, **years}
         for row in cells
         if row["imt"] == "PGA"
     ]

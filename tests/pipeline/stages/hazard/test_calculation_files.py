@@ -446,3 +446,17 @@ def test_a_disaggregation_that_openquake_wrote() -> None:
     np.testing.assert_allclose(found.shares.sum(axis=1), 1.0)
     mean = found.shares @ found.magnitudes
     assert (np.diff(mean) > 0.0).all(), "stronger shaking is of larger earthquakes here"
+    assert not list(curve_folder._other_rates(found, curve_folder.load(SHARED)))
+
+
+@pytest.mark.parametrize(("years", "told"), [(5.0, False), (50.0, True), (1.0, True)])
+def test_a_level_that_the_curves_exceed_far_more_or_less_often_is_told(
+    tmp_path: Path, years: float, told: bool
+) -> None:
+    """By the curves 0.5 g is exceeded 1 to 2 times in 10,000 years, by 0.001 in so many years."""
+    model = curve_folder.load(written(tmp_path / "calc_7.hdf5"))
+    first = f"{EDGES}, investigation_time={years}"
+    found = load_disaggregation(disaggregated(tmp_path, {"mean": MEAN}, first))
+    assert found.rates.tolist() == pytest.approx([1e-3 / years], rel=1e-3)
+    lines = list(curve_folder._other_rates(found, model))
+    assert [line.startswith("disaggregated 0.5 g is exceeded") for line in lines] == [True] * told
