@@ -106,6 +106,7 @@ def seat(
     loops: Sequence[Array],
     corners: Array,
     outer: Array,
+    radius: float,
     bearing: Bearing,
     pieces: Sequence[Array] = (),
 ) -> Seat:
@@ -116,6 +117,7 @@ def seat(
     loops : sequence of ndarray, shape (n, 3) [m] each, the seams
     corners : ndarray, shape (c, 3) [m], of the hull that is the rock's contact, in the site's frame
     outer : ndarray, shape (d, 3) [m], of the complete hull, which holds the other
+    radius : float [m], of the rock, from its centre of mass
     bearing : "rim" for points along the outline of the seam, a number for so many of them that
         span the largest area about the centre of mass, "whole" for all of the seam
     pieces : sequence of ndarray, each of shape (k, 3) [m], that touch in place of the hull
@@ -125,7 +127,6 @@ def seat(
     InvalidInput
         If the points that can bear have no weight between them, or ground stays in the rock.
     """
-    radius = float(np.linalg.norm(outer - outer.mean(axis=0), axis=1).max())
     middles = terrain.vertices[terrain.faces].mean(axis=1)
     beneath = shapely.union_all([shapely.make_valid(shapely.Polygon(loop)) for loop in loops])
     unseen = shapely.contains_xy(beneath, middles[:, :2]) & (middles[:, 2] < outer[:, 2].mean())
