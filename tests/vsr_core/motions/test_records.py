@@ -25,7 +25,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.records import processing
 from vsr_core.motions.records.columns import read_netcdf, read_table
-from vsr_core.motions.records.formats import Reading, from_stream, read
+from vsr_core.motions.records.formats import Reading, from_stream, read, read_all
 from vsr_core.motions.records.processing import Processing, process
 from vsr_core.motions.records.record import Record, check_end, check_rest, factor, repaired
 from vsr_core.motions.records.text_files import read_at2, read_cosmos
@@ -504,21 +504,63 @@ def test_obspys_examples_of_miniseed_with_a_gap_and_with_two_channels() -> None:
     refusal(lambda: read(two, ".mseed", Reading(names[0], "counts")), "counts")
 
 
-def test_what_obspy_passed_over_is_told() -> None:
-    def said(name: str) -> list[str]:
-        found = read(example("io/mseed", name), ".mseed", Reading(unit="gal"))
+def test_what_obspy_warns_of_is_told() -> None:
+    def said(content: bytes) -> list[str]:
+        found = read_all(content, ".mseed", Reading(unit="gal"))
         return [repair for repair in found.repairs if repair.startswith("ObsPy: ")]
 
-    passed_over = said("brokenlastrecord.mseed")
-    assert len(passed_over) == 4
-    assert "Not a SEED record" in passed_over[0]
-    assert "more warnings" in passed_over[-1]
-    assert said("test.mseed") == []
+    odd = example("io/mseed", "wrong_blockette_numbers_specified.mseed")
+    warned = said(b"".join(odd.replace(b"HHZ", b"HH%d" % channel) for channel in range(5)))
+    assert len(warned) == 4
+    assert "Number of blockettes" in warned[0]
+    assert "2 more warnings" in warned[-1]
+    assert said(example("io/mseed", "test.mseed")) == []
 
 
-def test_obspys_broken_example_is_refused() -> None:
+def miniseed(length: int) -> bytes:
+    """80 s in records of so many bytes."""
+    obspy = pytest.importorskip("obspy")
+    waves = io.BytesIO()
+    shaking = obspy.Trace(np.sin(0.1 * np.arange(8000.0)), {"delta": STEP, "channel": "HNE"})
+    shaking.write(waves, format="MSEED", reclen=length)
+    return waves.getvalue()
+
+
+@pytest.mark.parametrize("length", [512, 4096])
+def test_bytes_that_are_no_records_of_a_miniseed_are_refused(length: int) -> None:
+    """ObsPy takes what stands before them, of some lengths without a warning."""
+    whole, how = miniseed(length), Reading(unit="m/s2")
+    end = len(whole) // (3 * length) * length
+    for rest in (1, 47, 48, 60, 128, 300, length // 2, length - 1):
+        told = f"{end + rest} bytes whose records end at byte"
+        refusal(lambda cut=end + rest: read(whole[:cut], ".mseed", how), told, "download it again")
+    for filler in (b"\0", b" ", b"<"):  # a download whose room was made beforehand
+        filled = whole[:end] + filler * (len(whole) - end)
+        told = f"records end at byte {end}"
+        refusal(lambda content=filled: read(content, ".mseed", how), told)
+    assert len(read(whole[:end], ".mseed", how).acceleration) < 8000  # nothing of it tells
+
+
+def test_a_sac_file_of_text_that_is_cut_is_refused() -> None:
+    obspy = pytest.importorskip("obspy")
+    text, how = io.BytesIO(), Reading(unit="m/s2")
+    obspy.Trace(VALUES, {"delta": STEP, "channel": "HNE"}).write(text, format="SACXY")
+    whole = text.getvalue()
+    assert len(read(whole, ".sac", how).acceleration) == len(VALUES)
+    for lost in (1, 2, 5, 9):
+        refusal(lambda cut=whole[:-lost]: read(cut, ".sac", how), "last line has no end")
+
+
+def test_records_of_several_lengths_are_whole() -> None:
+    both = miniseed(4096) + miniseed(512).replace(b"HNE", b"HNN")
+    assert read_all(both, ".mseed", Reading(unit="m/s2")).acceleration.shape == (8000, 2)
+
+
+def test_obspys_broken_examples_are_refused() -> None:
     seed = example("io/mseed", "two_channels.mseed")
     refusal(lambda: read(seed[:200], ".mseed", Reading(unit="m/s2")), "ObsPy cannot read")
+    cut = example("io/mseed", "brokenlastrecord.mseed")
+    refusal(lambda: read(cut, ".mseed", Reading(unit="m/s2")), "records end at byte 4096")
 
 
 # Checks

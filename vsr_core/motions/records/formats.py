@@ -57,6 +57,11 @@ def read_waveforms(
             warnings.simplefilter("always")
             # By name: left to find out, ObsPy tries Python's pickles too, which run what they hold.
             stream = obspy.read(io.BytesIO(content), format=kind)
+            if kind == "MSEED":
+                _check_miniseed(content)
+            if kind == "SACXY" and not content.endswith(b"\n"):
+                given = "a SAC file of text whose last line has no end"
+                raise InvalidInput(given, "it is whole", "download it again, or end the line")
             _check_span(stream)
             _check_quantity(stream)
             if response is not None:
@@ -73,6 +78,18 @@ def read_waveforms(
         raise _unreadable(error) from None
     repairs = (*record.repairs, *doubts, *_warnings(caught))
     return replace(record, repairs=repairs, directions=directions)
+
+
+def _check_miniseed(content: bytes) -> None:
+    """Refuse bytes that are not one SEED record after the other: ObsPy passes over others."""
+    from obspy.io.mseed import util  # type: ignore[import-not-found,import-untyped,unused-ignore]
+
+    whole, end = io.BytesIO(content), 0
+    while end < len(content) and _MINISEED.match(content, end):
+        end += util.get_record_information(whole, end)["record_length"]
+    if end != len(content):
+        given = f"a miniSEED file of {len(content)} bytes whose records end at byte {end}"
+        raise InvalidInput(given, "it is whole records", "download it again")
 
 
 _SAC_OTHER = {6: "displacement", 7: "velocity", 50: "volts"}
