@@ -16,11 +16,11 @@ from matplotlib.ticker import MaxNLocator
 
 from pipeline.drawing import style
 from pipeline.stages.fragility.summary import (
-    SEARCHED,
     long_rows_in_words,
     static_pga,
     typical_pga,
     undecided,
+    with_interval,
 )
 from pipeline.workflow.datasets import is_shaken_along_x, label, rows_of
 from vsr_core.arrays import Array, Indices
@@ -322,9 +322,9 @@ def _first(axes: PolarAxes, fragility: xr.Dataset, rock: xr.Dataset) -> None:
                 mec=style.SERIES[k % 6],
                 gid="above",
             )
-    if np.isinf(upper).any():
-        none = f"none up to {fragility.attrs[SEARCHED[1]]:.3g} g"
-        axes.plot([], [], ls="", marker="^", mfc="white", mec=style.INK, label=none)
+    if (above := np.isinf(upper)).any():
+        words = with_interval(np.inf, lower[above].min(), np.inf)
+        axes.plot([], [], ls="", marker="^", mfc="white", mec=style.INK, label=words)
     if along_x:
         axes.plot(
             np.radians(around),

@@ -122,11 +122,13 @@ def long_rows_in_words(ratios: Array) -> str:
 def typical_pga(fragility: xr.Dataset) -> Array:
     """First-overturning PGA and the ends of its interval, each the median over the long rows.
 
+    Of an even number it is the mean of the two in the middle. If one of these has an open interval,
+    no more is known than that it lies between them: a mean would be a PGA that no row knows of.
+
     Returns
     -------
     ndarray, shape (3, yaw, friction) [g]
-        PGA, lower and upper end: 0 and inf where it is below and above all that was tried; NaN
-        without a decided run.
+        PGA, lower and upper end: 0 and inf where the interval is open; NaN without a decided run.
     """
     name, rows = "first_overturning_pga", long_rows(fragility["pgv_pga"].values)
     first, lower, upper = (
@@ -136,8 +138,12 @@ def typical_pga(fragility: xr.Dataset) -> Array:
     typical = np.full((3, *first.shape[:2]), np.nan)
     for place in np.argwhere(decided.any(axis=-1)):
         own = (*place, decided[tuple(place)])
-        ends = (first[own], np.nan_to_num(lower[own], nan=0.0), upper[own])
-        typical[(slice(None), *place)] = np.median(ends, axis=1)
+        ends = np.sort((first[own], np.nan_to_num(lower[own], nan=0.0), upper[own]), axis=1)
+        low, high = ends[:, (ends.shape[1] - 1) // 2], ends[:, ends.shape[1] // 2]
+        middle = 0.5 * (low + high)
+        if low[1] == 0.0 or np.isinf(high[2]):
+            middle[1:] = low[1], high[2]
+        typical[(slice(None), *place)] = middle
     return typical
 
 
@@ -168,7 +174,7 @@ def with_interval(first: float, lower: float, upper: float) -> str:
     >>> with_interval(0.2, 0.1996, 0.2004), with_interval(math.inf, 4.0, math.inf)
     ('0.2000 [0.1996, 0.2004] g', 'above 4 g')
     """
-    if math.isnan(upper):
+    if math.isnan(upper) or (math.isinf(upper) and not lower > 0.0):
         return "not known"
     if math.isinf(upper):
         return f"above {lower:.4g} g"

@@ -312,12 +312,12 @@ def test_polar_plot(products: dict[str, xr.Dataset]) -> None:
     np.testing.assert_allclose(artist(figure, "first", 1).get_ydata(), first[:, 0])
     static = artist(figure, "static", 1)
     np.testing.assert_allclose(static.get_ydata()[[0, 90, 180]], [0.25, 0.5, 0.25], rtol=1e-3)
-    for end in ("", "_upper"):
-        fragility[f"first_overturning_pga{end}"][1] = np.inf
+    for end, value in (("", np.inf), ("_lower", 4.0), ("_upper", np.inf)):
+        fragility[f"first_overturning_pga{end}"][1] = value
     figure = fragility_by_yaw(fragility, products["rock"])
     assert np.isnan(artist(figure, "first", 1).get_ydata()[1])
     np.testing.assert_allclose(artist(figure, "above", 1).get_xdata(), [np.pi / 2])
-    assert "none up to 4 g" in labels(figure)
+    assert "above 4 g" in labels(figure)
 
 
 def test_static_pga_takes_the_weaker_way() -> None:
@@ -339,6 +339,27 @@ def test_typical_pga_counts_long_pulses_only() -> None:
         {"pgv_pga": [0.1, 0.2, 0.3, 0.4]},
     )
     assert summary.typical_pga(fragility).ravel().tolist() == [0.25, 0.2, 0.3]
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ([(np.inf, 4.0, np.inf), (0.3, 0.2, 0.4)], "above 0.2 g"),  # half of them never topple
+        ([(0.05, np.nan, 0.1), (0.3, 0.2, 0.4)], "below 0.4 g"),
+        ([(0.05, np.nan, 0.1), (np.inf, 4.0, np.inf)], "not known"),
+        ([(0.2, 0.1, 0.3), (0.3, 0.2, 0.4)], "0.2500 [0.1500, 0.3500] g"),
+        ([(np.inf, 4.0, np.inf), (0.3, 0.2, 0.4), (0.4, 0.3, 0.5)], "0.4000 [0.3000, 0.5000] g"),
+        ([(np.inf, 4.0, np.inf), (0.3, 0.2, 0.4), (np.inf, 4.0, np.inf)], "above 4 g"),
+    ],
+)
+def test_typical_pga_is_no_mean_of_what_is_open(rows: list[tuple[float, ...]], words: str) -> None:
+    dims, name = ("yaw", "friction", "pgv_pga"), "first_overturning_pga"
+    ends = zip(("", "_lower", "_upper"), zip(*rows, strict=True), strict=True)
+    fragility = xr.Dataset(
+        {name + end: (dims, [[values]]) for end, values in ends},
+        {"pgv_pga": 0.2 + 0.1 * np.arange(len(rows))},
+    )
+    assert summary.with_interval(*summary.typical_pga(fragility)[:, 0, 0]) == words
 
 
 @pytest.mark.parametrize(
