@@ -144,6 +144,12 @@ def test_settings_go_from_coarse_to_fine_and_the_project_comes_first() -> None:
     assert png(work_precision(MEASURED, 0.01, "x")).startswith(b"\x89PNG")
 
 
+def test_a_diagram_without_a_setting_has_no_legend() -> None:
+    """As where nothing topples; a warning of it would be an error here."""
+    assert not work_precision(MEASURED[:0], 0.01, "x").legends
+    assert work_precision(MEASURED, 0.01, "x").legends
+
+
 @pytest.mark.parametrize(
     "key",
     [
