@@ -16,10 +16,11 @@ from typing import Literal
 
 import numpy as np
 import shapely
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, cKDTree
 
 from vsr_core.arrays import Array, Mask
 from vsr_core.errors import InvalidInput
+from vsr_core.rock.triangles import cross_products
 from vsr_core.scan.topology import rims
 from vsr_core.terrain.surface import Terrain
 
@@ -127,8 +128,10 @@ def seat(
     InvalidInput
         If the points that can bear have no weight between them, or ground stays in the rock.
     """
-    middles = terrain.vertices[terrain.faces].mean(axis=1)
     beneath = shapely.union_all([shapely.make_valid(shapely.Polygon(loop)) for loop in loops])
+    if loops:
+        terrain = _without_foot(terrain, loops, radius)
+    middles = terrain.vertices[terrain.faces].mean(axis=1)
     unseen = shapely.contains_xy(beneath, middles[:, :2]) & (middles[:, 2] < outer[:, 2].mean())
     whole = bearing == "whole"
     laid = terrain if whole else _banked(terrain, beneath, radius)
@@ -142,6 +145,22 @@ def seat(
     height = DEPTH_SHARE * radius
     pyramids = (_pyramid(tip, up, height) for tip, up in zip(points, upward, strict=True))
     return Seat(ground, points, tuple(pyramids), float(moved))
+
+
+def _without_foot(terrain: Terrain, loops: Sequence[Array], radius: float) -> Terrain:
+    """Ground without faces that are turned down at the seam or below it.
+
+    They are of a foot that overhangs where the cut is above its seam, or folded there. No rock is
+    under them; a wall that leans over one rises above its seam.
+    """
+    depth, wide = DEPTH_SHARE * radius, BANK_SHARE * radius
+    middles = terrain.vertices[terrain.faces].mean(axis=1)
+    down = np.flatnonzero(cross_products(terrain.vertices, terrain.faces)[:, 2] < 0.0)
+    lines = [shapely.segmentize(shapely.LinearRing(loop), depth) for loop in loops]
+    seam = shapely.get_coordinates(lines, include_z=True)
+    apart, nearest = cKDTree(seam[:, :2]).query(middles[down, :2])
+    below = middles[down, 2] < seam[nearest, 2] + depth
+    return Terrain(terrain.vertices, np.delete(terrain.faces, down[(apart <= wide) & below], 0))
 
 
 def _cleared(terrain: Terrain, bodies: Sequence[Array], radius: float, depth: float) -> Array:

@@ -117,6 +117,31 @@ def test_a_wall_that_leans_over_the_rock_beside_the_seam_stays_out_of_it() -> No
     ground = seat.seat(scanned, [FOOT], body, body, 0.8, "rim").ground
     sides = ConvexHull(body).equations
     assert (ground.vertices @ sides[:, :3].T + sides[:, 3]).max(axis=1).min() > 0.0
+    assert len(ground.faces) == len(scanned.faces)
+
+
+def test_a_foot_that_overhangs_the_ground_and_is_left_with_it_bears_and_holds_nothing() -> None:
+    """A block cut off 3 cm above the ground, its foot drawn in below; or folded at the seam."""
+    up = np.array([0.0, 0.0, 0.03])
+    rings = [FOOT * 3.0, FOOT * 0.9, FOOT + up, FOOT * 0.999 + up, FOOT * 0.5 + up]
+    own = solid.box((1.0, 1.0, 2.0), 2700.0).rock
+    ring, beside = np.arange(4), (np.arange(4) + 1) % 4
+    bands = [
+        np.concatenate(
+            [
+                np.column_stack([4 * k + ring, 4 * k + beside, 4 * k + 4 + beside]),
+                np.column_stack([4 * k + ring, 4 * k + 4 + beside, 4 * k + 4 + ring]),
+            ]
+        )
+        for k in range(4)
+    ]
+    bands[2] = bands[2][:, ::-1]  # a fold
+    scanned = Terrain(np.concatenate(rings), np.concatenate([*bands, [[16, 17, 18], [16, 18, 19]]]))
+    corners = own.vertices + up + np.array([0.0, 0.0, own.height])
+    laid = seat.seat(scanned, [FOOT + up], corners, corners, own.radius, "rim")
+    kept = {tuple(face) for face in laid.ground.faces.tolist()}
+    gone = {tuple(face) for face in np.concatenate(bands[1:3]).tolist()}
+    assert kept == {tuple(face) for face in scanned.faces.tolist()} - gone
 
 
 def test_walls_that_hold_it_are_named() -> None:

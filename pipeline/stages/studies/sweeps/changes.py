@@ -376,10 +376,10 @@ def _named(labels: list[str]) -> str:
 def _percent(share: float) -> str:
     """A change in per cent with its sign.
 
-    >>> _percent(0.0123), _percent(-0.2), _percent(1e-9)
-    ('+1.2 %', '\N{MINUS SIGN}20 %', '0 %')
+    >>> _percent(0.0123), _percent(-0.2), _percent(1e-9), _percent(0.997)
+    ('+1.2 %', '\N{MINUS SIGN}20 %', '0 %', '+100 %')
     """
     if abs(share) < 5e-4:
         return "0 %"
-    text = f"{100 * share:+.2g} %" if abs(share) < 1 else f"{100 * share:+.0f} %"
+    text = f"{100 * share:+.2g} %" if abs(share) < 0.1 else f"{100 * share:+.0f} %"
     return text.replace("-", "\N{MINUS SIGN}")
