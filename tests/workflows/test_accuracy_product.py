@@ -11,12 +11,15 @@ import pytest
 from conftest import Ran
 
 from pipeline import cli
+from pipeline.config.schema import ContactConfig, PedestalConfig, SceneSettings, SimulationConfig
 from pipeline.drawing.style import png
-from pipeline.stages.studies.accuracy import comparison, quantity_fronts, worker_tasks
+from pipeline.stages.studies.accuracy import accuracy, comparison, quantity_fronts, worker_tasks
 from pipeline.stages.studies.accuracy.accuracy import _better, cheapest, measured, work_precision
+from pipeline.workflow import pages
 from pipeline.workflow.datasets import read
 from vsr_core.run import agreement, time_step
 from vsr_core.verification import other_engines, reference, sensitivity
+from vsr_core.verification.work_precision import Target
 
 pytest.importorskip("mujoco")
 
@@ -148,6 +151,37 @@ def test_a_diagram_without_a_setting_has_no_legend() -> None:
     """As where nothing topples; a warning of it would be an error here."""
     assert not work_precision(MEASURED[:0], 0.01, "x").legends
     assert work_precision(MEASURED, 0.01, "x").legends
+
+
+def test_page_and_log_say_what_references_of_a_scanned_rock_know(made: Path) -> None:
+    """Three engines, told from the boundary by 3 % and more: no method's error can be 1 %."""
+    references = (("bullet", 0.000375), ("mujoco", 0.000375), ("nonsmooth", 0.0025))
+    passing = {
+        5.0 * (1.0 + side * offset): frozenset({side > 0.0} if offset >= 0.03 else ())
+        for offset in agreement.OFFSETS
+        for side in (-1.0, 1.0)
+    }
+    targets = {(90.0, 0.275): Target(0.275, 5.0, False, 0.044, references, passing)}
+    table = MEASURED.assign(rows=1, note="", error=MEASURED["error"].clip(lower=0.03))
+    config = SceneSettings(
+        PedestalConfig(), ContactConfig(friction=(0.6,)), "table_frame", None, SimulationConfig()
+    )
+    chosen = read(made / "time_step.nc")
+    diagram = work_precision(table, 0.01, "x")
+    shown = accuracy.facts("scan", config, table, targets, chosen, diagram)
+    page = " ".join(pages.filled(accuracy.PAGE, shown).split())
+    assert "<td>bullet at 1/16, mujoco at 1/16 and nonsmooth at 1/8 of the usual step</td>" in page
+    for text in (
+        "their references know the boundary to 3 % only, and no smaller error can be told.",
+        "Engines of this project are both among the methods compared and, at finer steps,",
+        "Errors below 3 % or above 12 % are not resolved",
+        "No other method has a smaller error than this project at the same cost or less.",
+    ):
+        assert text in page
+    told = accuracy._summary(table, 0.03)
+    assert told.endswith("none can be told, the references know the boundary to 3 %")
+    assert "Engines of this project are both" not in (made / "accuracy.html").read_text()
+    assert "Errors below 0.125 % or" in (made / "accuracy.html").read_text()
 
 
 @pytest.mark.parametrize(

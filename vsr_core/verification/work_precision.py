@@ -1,9 +1,10 @@
 """Error of the overturning boundary against CPU time, for any way of running a shaking test.
 
 All ways are given the same rows (a direction and a PGV/PGA) and the same runs. The reference of a
-row is Housner's equation where it applies. Else it is two engines that share no code, each at a
-sixteenth of the usual step, or one engine at two steps: where these two differ, nobody can say who
-is right, and any outcome passes.
+row is Housner's equation where it applies. Else it is engines that share no code, each at its
+reference step, or one engine at two steps. They may be among the ways compared. Where they differ
+nobody can say who is right: such a pulse speaks for no way of running, and no error is told below
+what the references know.
 """
 
 from __future__ import annotations
@@ -39,16 +40,24 @@ class Target:
     pgv_pga : float [s]
     boundary : float [m/s^2]; nan if nothing topples the rock
     exact : bool, whether by Housner's equation
-    spread : float, how far the two references are apart, relative; 0 if exact
+    spread : float, how far the references are apart, relative; 0 if exact
+    references : tuple of (name of an engine, its time step as in ``Ladder``); empty if exact
     passing : dict, from the PGAs compared [m/s^2] to the outcomes that pass there, as
-        ``agreement.Passing``
+        ``agreement.Passing``: standing below the boundary and toppling above it, and none where the
+        references are not agreed on that
     """
 
     pgv_pga: float
     boundary: float
     exact: bool
     spread: float
+    references: tuple[tuple[str, float], ...]
     passing: Mapping[float, frozenset[bool]]
+
+    @property
+    def least(self) -> float:
+        """Error of a way that has this very boundary: from this row none is told below it."""
+        return agrees_from(lambda pga: pga > self.boundary, self.passing.__getitem__, self.boundary)
 
 
 @dataclass(frozen=True)
@@ -80,9 +89,10 @@ def target(case: Case | TerrainCase, pgv_pga: float, engines: tuple[str, ...]) -
         test = project(case, Settings(share * unit, engine=name))
         return lambda pga: test(CosinePulse(pga, pgv_pga))
 
-    references = [run(name, load(name).LADDER.reference) for name in engines]
+    steps = [(name, load(name).LADDER.reference) for name in engines]
     if len(engines) == 1:
-        references.append(run(engines[0], load(engines[0]).LADDER.second))
+        steps.append((engines[0], load(engines[0]).LADDER.second))
+    references = [run(*step) for step in steps]
     nearest = engines[0] if engines else COMPILED
     coarse = run(nearest, load(nearest).LADDER.coarse)
     if isinstance(case, TerrainCase):
@@ -91,8 +101,12 @@ def target(case: Case | TerrainCase, pgv_pga: float, engines: tuple[str, ...]) -
         known = answer(case, pgv_pga, coarse, references, references)
     nothing = math.isnan(known.boundary)
     compared = () if nothing else (pga for pair in levels(known.boundary) for pga in pair)
-    passing = {pga: known.passing(pga) for pga in compared}
-    return Target(pgv_pga, known.boundary, known.exact, known.spread, passing)
+    passing = {}
+    for pga in compared:
+        side = frozenset({pga > known.boundary})
+        passing[pga] = side if known.passing(pga) == side else frozenset()
+    judges = () if known.exact else tuple(steps)
+    return Target(pgv_pga, known.boundary, known.exact, known.spread, judges, passing)
 
 
 def score(test: Test, wanted: Target) -> Score:

@@ -288,7 +288,7 @@ def test_score_of_a_way_of_running_against_a_target() -> None:
         for offset in OFFSETS
         for side in (-1.0, 1.0)
     }
-    wanted = Target(0.3, 10.0, True, 0.0, passing)
+    wanted = Target(0.3, 10.0, True, 0.0, (), passing)
     found = work_precision.score(lambda pulse: pulse.pga > 10.12, wanted)
     assert found.error == 0.015
     assert found.lost == 0
@@ -305,6 +305,7 @@ def test_target_of_a_block_is_housners_equation() -> None:
     block = Block(0.5, 1.5)
     for pga, passing in wanted.passing.items():
         assert passing == {rocking_response(block, pga, 0.2).overturned}
+    assert (wanted.references, wanted.least) == ((), OFFSETS[0])
     assert wanted.boundary / GRAVITY == pytest.approx(0.52, abs=0.01)  # Housner, 1x1x3 m at 0.20 s
 
 
@@ -316,23 +317,74 @@ def test_runs_without_verdicts_are_not_right_for_being_as_lost_as_the_reference(
     assert (measure(hull(5.0), 0.3, Settings(1.0)).error == WORST).all()
 
 
-def test_target_of_two_engines_is_what_both_say(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They topple from 10 and 10.4 m/s^2 on: 10.2 on average, and no answer between them."""
-    limits = {"bullet": 10.0, "mujoco": 10.4}
+def engines_that_topple_from(
+    monkeypatch: pytest.MonkeyPatch, limits: dict[str, float], stands_again: float = math.inf
+) -> Target:
+    """Target of engines whose boundaries are given [m/s^2]; none topples just at the other PGA."""
 
     def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
-        over = motion.pga > limits[settings.engine]
+        again = math.isclose(motion.pga, stands_again)
+        over = motion.pga > limits[settings.engine] and not again
         return ending(Outcome.OVERTURNED if over else Outcome.DISPLACED)
 
     monkeypatch.setattr(work_precision, "simulate", fake)
-    wanted = work_precision.target(hull(5.0), 0.3, ("bullet", "mujoco"))
+    return work_precision.target(hull(5.0), 0.3, tuple(limits))
+
+
+@pytest.mark.parametrize(
+    ("limits", "right", "off"),
+    [
+        ({"bullet": 9.8, "mujoco": 10.0, "nonsmooth": 10.24}, (0.02, 0.03), 0.04),
+        ({"bullet": 10.0, "mujoco": 10.0, "nonsmooth": 10.0}, (0.00125, 0.0025), 0.04),
+    ],
+)
+def test_no_error_is_told_below_what_references_know(
+    monkeypatch: pytest.MonkeyPatch, limits: dict[str, float], right: tuple[float, ...], off: float
+) -> None:
+    """Of references 4.4 % apart, and of ones that agree: who topples always or never is wrong."""
+    wanted = engines_that_topple_from(monkeypatch, limits)
+
+    def error(factor: float) -> float:
+        return work_precision.score(lambda p: p.pga > factor * wanted.boundary, wanted).error
+
+    assert error(math.inf) == error(0.0) == WORST
+    assert wanted.least == error(1.0)
+    assert wanted.least in right
+    assert wanted.least >= 0.5 * wanted.spread
+    assert 0.03 <= error(1.03 - 1e-9) <= error(1.03 + 1e-9) == off
+    assert 0.03 <= error(0.97 + 1e-9) <= error(0.97 - 1e-9) == off
+    steps = {name: load(name).LADDER.reference for name in limits}
+    assert dict(wanted.references) == steps
+
+
+def test_a_pulse_beyond_which_references_stand_again_speaks_for_no_way(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Both stand at 0.5 % above the boundary, too: who never topples is not right for that."""
+    limits = {"bullet": 10.0, "mujoco": 10.0}
+    at = engines_that_topple_from(monkeypatch, limits).boundary
+    wanted = engines_that_topple_from(monkeypatch, limits, stands_again=1.005 * at)
+    assert wanted.boundary == at
+    assert wanted.passing[at * 1.005] == frozenset()
+    assert work_precision.score(lambda pulse: False, wanted).error == WORST
+
+
+def test_one_engine_is_its_own_reference_at_two_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = engines_that_topple_from(monkeypatch, {"nonsmooth": 10.0})
+    ladder = load("nonsmooth").LADDER
+    assert wanted.references == (("nonsmooth", ladder.reference), ("nonsmooth", ladder.second))
+
+
+def test_target_of_two_engines_is_what_both_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They topple from 10 and 10.4 m/s^2 on: 10.2 on average, and no answer between them."""
+    wanted = engines_that_topple_from(monkeypatch, {"bullet": 10.0, "mujoco": 10.4})
     assert not wanted.exact
     assert wanted.boundary == pytest.approx(10.2, rel=0.002)
     assert wanted.spread == pytest.approx(0.4 / 10.2, abs=0.004)
     assert len(wanted.passing) == 2 * len(OFFSETS)
     for pga, passing in wanted.passing.items():
-        assert passing == ({pga > 10.4} if abs(pga - 10.2) > 0.2 else {True, False})
-    assert work_precision.score(lambda pulse: pulse.pga > 10.2, wanted).error == OFFSETS[0]
+        assert passing == ({pga > 10.4} if abs(pga - 10.2) > 0.2 else frozenset())
+    assert work_precision.score(lambda pulse: pulse.pga > 10.2, wanted).error == 0.02
     assert work_precision.score(lambda pulse: None, wanted).error == WORST
 
 

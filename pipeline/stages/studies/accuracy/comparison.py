@@ -129,7 +129,7 @@ def score_ways(work: Work, study: Study, targets: dict[Place, Target]) -> list[R
             way.setting,
             own=way.own,
             step=way.step,
-            error=_kept([score.error for score in scores]),
+            error=kept([score.error for score in scores]),
             worst=max(score.error for score in scores),
             rows=len(scores),
             cpu_s=sum(score.seconds for score in scores) / len(scores),
@@ -148,7 +148,8 @@ def _group(study: Study, yaw: float) -> Group:
     return Group(yaw, study.settings.contact.friction[0])
 
 
-def _kept(errors: list[float]) -> float:
+def kept(errors: list[float]) -> float:
+    """The error that is not exceeded on most rows."""
     return float(np.quantile(errors, ladder.KEPT_BY, method="inverted_cdf"))
 
 
