@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri
 
@@ -67,6 +69,7 @@ class LognormalFragility(FragilityModel):
             fitted = self._probit(overlap)
             ln_theta[overlap], ln_beta[overlap], self._ln_theta_se[overlap], flat = fitted
             status[overlap[flat]] = "flat"
+        self._ends = low, high
         self._half_width = np.where(status == "interval", (high - low) / 2, 0.0)
         self._row_values = np.stack([ln_theta, ln_beta], axis=1)
         self.status = tuple(status.tolist())
@@ -77,34 +80,33 @@ class LognormalFragility(FragilityModel):
 
     def refit(self, row_weights: Array) -> Array:
         """Interpolate again from the rows of positive weight only: no row's curve needs another."""
-        return self._interpolated(row_weights, np.zeros(row_weights.shape))
+        return self._interpolated(row_weights, 0.0, 0.0)
 
     def resample(self, row_weights: Array, rng: np.random.Generator) -> Array:
         """Interpolate again, with ln theta of each kept row drawn from what the row leaves open.
 
         Resampling rows alone would show the error of interpolation and nothing else. The draw is
-        uniform on the row's grid interval, or normal with the standard error of its fit.
+        uniform on the row's grid interval, or normal with the standard error of its fit. Rows that
+        are left out go by what one outcome alone allows next to them: to any end.
         """
         drawn = self._half_width * rng.uniform(-1.0, 1.0, row_weights.shape)
         drawn += self._ln_theta_se * rng.standard_normal(row_weights.shape)
-        return self._interpolated(row_weights, drawn)
+        ends = {"above": np.inf, "below": -np.inf}
+        return self._interpolated(
+            row_weights, drawn, np.array([ends.get(one, 0.0) for one in self.status])
+        )
 
     def named(self, coefs: Array) -> dict[str, Array]:
         with np.errstate(over="ignore"):  # open above where an outcome hardly depends on PGA
             return dict(zip(("theta", "beta"), np.exp(np.moveaxis(coefs, -1, 0)), strict=True))
 
     def opened(self, ends: dict[str, tuple[Array, Array]]) -> dict[str, tuple[Array, Array]]:
-        """As of the base: theta of what never topples has no largest value.
-
-        Nor has that of a row without a verdict beside it; the same of the least one.
-        """
-        ln_ratio, usable = self.cells.ln_ratio, self.cells.usable
-        above, below = (
-            np.interp(ln_ratio, ln_ratio[usable], np.equal(self.status, name)[usable]) > 0.0
-            for name in ("above", "below")
-        )
+        """As of the base: theta of what never topples is above the last PGA at which it stood."""
+        above, below = (np.equal(self.status, name) for name in ("above", "below"))
         low, high = ends["theta"]
-        return ends | {"theta": (np.where(below, 0.0, low), np.where(above, np.inf, high))}
+        low = np.where(above, np.exp(self._ends[0]), np.where(below, 0.0, low))
+        high = np.where(above, np.inf, np.where(below, np.exp(self._ends[1]), high))
+        return ends | {"theta": (low, high)}
 
     def probability(self, coefs: Array, ln_pga: Array) -> Array:
         ln_theta, ln_beta = np.moveaxis(coefs[..., None], 2, 0)
@@ -117,16 +119,30 @@ class LognormalFragility(FragilityModel):
         level = np.where(ln_level > ln_pga[-1], np.inf, np.exp(np.minimum(ln_level, ln_pga[-1])))
         return np.where(ln_level < ln_pga[0], 0.0, level)
 
-    def _interpolated(self, row_weights: Array, drawn: Array) -> Array:
-        """Rows' values, with `drawn` added to ln theta, as those of positive weight leave them."""
+    def _interpolated(
+        self, row_weights: Array, drawn: Array | float, beyond: Array | float
+    ) -> Array:
+        """Rows' values, with `drawn` added to ln theta, as those of positive weight leave them.
+
+        Rows left out go by the others with `beyond` added; rows of one PGV/PGA count alike. What
+        lies between two open ends is at either, in turn.
+        """
         ln_ratio = self.cells.ln_ratio
         values = np.repeat(self._row_values[None], len(row_weights), axis=0)
         values[..., 0] += drawn
-        for member, weights in zip(values, row_weights, strict=True):
+        sources = values.copy()
+        sources[..., 0] += beyond
+        open_end = itertools.cycle([-np.inf, np.inf])
+        for member, source, weights in zip(values, sources, row_weights, strict=True):
             kept = (weights > 0) & self.cells.usable
+            at, place, times = np.unique(ln_ratio[kept], return_inverse=True, return_counts=True)
+            either = next(open_end)
             for column in range(2):
-                there = np.interp(ln_ratio[~kept], ln_ratio[kept], member[kept, column])
-                member[~kept, column] = there
+                with np.errstate(invalid="ignore"):
+                    known = np.bincount(place, source[kept, column]) / times
+                    known[np.isnan(known)] = either
+                there = np.interp(ln_ratio[~kept], at, known)
+                member[~kept, column] = np.where(np.isnan(there), either, there)
         return values
 
     def _threshold(self, row: int) -> tuple[str, float, float]:

@@ -216,7 +216,8 @@ def contact_tilts(hull: Hull) -> tuple[Array, Array]:
 
     A vertex touches for the directions of ``down`` between the normals of its facets. The range
     of their tilts is widened by the widest angle between neighbouring facets there, because an
-    arc between two normals may pass a tilt that neither has; it encloses the true one.
+    arc between two normals may pass a tilt that neither has; it encloses the true one. That of the
+    lowest vertices holds 0, and of the highest pi, which lie amid their normals.
 
     Returns
     -------
@@ -230,6 +231,9 @@ def contact_tilts(hull: Hull) -> tuple[Array, Array]:
     for corner in hull.facets.T:
         np.minimum.at(least, corner, facing - widest)
         np.maximum.at(greatest, corner, facing + widest)
+    height = hull.vertices[:, 2]
+    least[height == height.min()] = 0.0
+    greatest[height == height.max()] = math.pi
     return least, greatest
 
 

@@ -177,13 +177,14 @@ def _other_rates(of_earthquakes: Disaggregation, model: HazardModel) -> Iterator
     """Disaggregated levels that the curves say are exceeded far more or less often, in words."""
     curves = [one.pga for one in model.branches]
     for level, rate in zip(of_earthquakes.levels, of_earthquakes.rates, strict=True):
-        within = [one for one in curves if one.levels[0] <= level <= one.levels[-1]]
-        each = [np.exp(np.interp(np.log(level), np.log(c.levels), np.log(c.rates))) for c in within]
-        if each and not min(each) / OTHERWISE <= rate <= max(each) * OTHERWISE and rate > 0.0:
+        each = [np.exp(np.interp(np.log(level), np.log(c.levels), np.log(c.rates))) for c in curves]
+        low = 0.0 if any(level > one.levels[-1] for one in curves) else min(each)
+        high = np.inf if any(level < one.levels[0] for one in curves) else max(each)
+        if not low / OTHERWISE <= rate <= high * OTHERWISE and rate > 0.0:
             yield (
                 f"disaggregated {in_g(level):.3g} g is exceeded {rate:.2g} times a year, and by "
-                f"the curves {min(each):.2g} to {max(each):.2g} times: one may be in other units, "
-                "or of another calculation"
+                f"the curves {low:.2g} to {high:.2g} times: one may be in other units, or of "
+                "another calculation"
             )
 
 

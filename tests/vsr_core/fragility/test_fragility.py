@@ -327,15 +327,31 @@ def test_lognormal_separated_rows_say_what_the_grid_allows():
 
 
 def test_theta_of_rows_of_one_outcome_has_no_end_that_no_run_gives():
-    """Nor has that of an undecided row beside them; a row that is decided keeps its own ends."""
+    """Nor has that of a row beside them, wherever it is left out, or has no verdict."""
     pga = np.array([0.1, 0.2, 0.4, 0.8])
     one, none = [0, 0, 1, 1], [np.nan] * 4
-    grid = [[0] * 4, none, one, none, one, none, [1] * 4]
-    found = fit_all(pga, 0.1 * np.arange(1, 8), grid)
-    theta = next(each for each in found.model("lognormal").parameters if each.name == "theta")
-    np.testing.assert_array_equal(theta.upper == np.inf, [1, 1, 0, 0, 0, 0, 0])
-    np.testing.assert_array_equal(theta.lower == 0.0, [0, 0, 0, 0, 0, 1, 1])
+    grid = [[0] * 4, none, *[one] * 12, none, [1] * 4]
+    theta = fit_all(pga, 0.1 * np.arange(1, 17), grid).model("lognormal").parameters[0]
+    assert (theta.upper[:3] == np.inf).all()
+    assert (theta.lower[-3:] == 0.0).all()
+    assert (theta.lower[:8] > 0.0).all()
+    assert (theta.upper[8:] < np.inf).all()
+    assert (theta.lower[0], theta.upper[-1]) == pytest.approx((0.8, 0.1))
     assert np.isfinite(theta.value).all()
+
+
+@pytest.mark.parametrize("order", [slice(None), slice(None, None, -1)])
+def test_of_records_of_one_ratio_each_keeps_its_own_open_end(order):
+    """As a record and its mirror image: which of them comes first changes nothing."""
+    pga = np.array([0.1, 0.2, 0.4, 0.8])
+    pairs = [[0, 0, 1, 1], [0, 0, 0, 0]][order]
+    theta = (
+        fit_all(pga, np.repeat([0.1, 0.2, 0.4, 0.8], 2), pairs * 4).model("lognormal").parameters[0]
+    )
+    toppled = np.tile([True, False][order], 4)
+    np.testing.assert_array_equal(theta.upper[~toppled], np.inf)
+    np.testing.assert_array_equal(theta.lower[~toppled], 0.8)
+    np.testing.assert_allclose(theta.value[toppled], np.sqrt(0.08))
 
 
 def test_lognormal_row_that_falls_with_pga_is_flat():

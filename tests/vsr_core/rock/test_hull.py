@@ -263,6 +263,20 @@ def test_contact_tilts_hold_every_support_that_sampling_finds(seed: int, count: 
         assert touching(hull, limit)[support[tilt <= limit]].all()
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_tip_of_a_fine_fan_touches_straight_above_and_below(way: float) -> None:
+    """Its facets are much alike, and none of their normals is near the vertical."""
+    around = np.linspace(0.0, 2.0 * math.pi, 40, endpoint=False)
+    ring = np.column_stack([np.cos(around), np.sin(around), 0.0 * around])
+    rings = [ring - [0.0, 0.0, 0.2 * way], 0.5 * ring + [0.0, 0.0, 0.31 * way]]
+    hull = convex_hull(np.vstack([*rings, [[0.0, 0.0, 0.62 * way], [0.0, 0.0, -2.0 * way]]]))
+    least, greatest = contact_tilts(hull)
+    for tilt in np.radians(np.arange(0.0, 181.0)):
+        down = np.array([math.sin(tilt), 0.0, -math.cos(tilt)])
+        support = int(np.argmax(hull.vertices @ down))
+        assert least[support] <= tilt <= greatest[support]
+
+
 def test_touching_leaves_something_out() -> None:
     """Of a finely faceted ball, what lies well above the tilt."""
     points = np.random.default_rng(0).standard_normal((600, 3))

@@ -449,14 +449,23 @@ def test_a_disaggregation_that_openquake_wrote() -> None:
     assert not list(curve_folder._other_rates(found, curve_folder.load(SHARED)))
 
 
-@pytest.mark.parametrize(("years", "told"), [(5.0, False), (50.0, True), (1.0, True)])
+@pytest.mark.parametrize(
+    ("level", "years", "told"),
+    [(0.5, 5.0, False), (0.5, 50.0, True), (0.5, 1.0, True), (4.9, 5.0, True), (4.9, 500.0, False)],
+)
 def test_a_level_that_the_curves_exceed_far_more_or_less_often_is_told(
-    tmp_path: Path, years: float, told: bool
+    tmp_path: Path, level: float, years: float, told: bool
 ) -> None:
-    """By the curves 0.5 g is exceeded 1 to 2 times in 10,000 years, by 0.001 in so many years."""
+    """By the curves 0.5 g is exceeded 1 to 2 times in 10,000 years, by 0.001 in so many years.
+
+    They end at 1 g, which is exceeded 2 to 4 times in 100,000 years.
+    """
     model = curve_folder.load(written(tmp_path / "calc_7.hdf5"))
     first = f"{EDGES}, investigation_time={years}"
-    found = load_disaggregation(disaggregated(tmp_path, {"mean": MEAN}, first))
+    path = disaggregated(tmp_path, {"mean": MEAN}, first)
+    path.write_text(path.read_text().replace("PGA,0.5,", f"PGA,{level},"))
+    found = load_disaggregation(path)
     assert found.rates.tolist() == pytest.approx([1e-3 / years], rel=1e-3)
     lines = list(curve_folder._other_rates(found, model))
-    assert [line.startswith("disaggregated 0.5 g is exceeded") for line in lines] == [True] * told
+    words = f"disaggregated {level} g is exceeded"
+    assert [line.startswith(words) for line in lines] == [True] * told
