@@ -61,6 +61,19 @@ def test_a_solid_of_three_drums_is_three_pieces() -> None:
     assert found.error <= 0.02
 
 
+def test_a_plane_foot_stays_plane_however_the_rock_lies() -> None:
+    """To the last digit: it would rock on corners that stand off their plane by 50 um."""
+    drums = (0.3, 0.0), (0.32, 0.2), (0.2, 0.5), (0.2, 0.6), (0.36, 0.95), (0.36, 1.35)
+    rock = turned(*drums, sides=12).copy()
+    foot = np.flatnonzero(rock.vertices[:, 2] == 0.0)
+    rock.apply_scale([1.1, 1.0, 1.0])
+    rock.apply_transform(trimesh.transformations.rotation_matrix(np.radians(6.0), [0.0, 1.0, 0.0]))
+    corners = np.concatenate(convex_pieces(rock, 0.02).corners)
+    rim = {tuple(point) for point in np.array(rock.vertices)[foot] if np.hypot(*point[:2]) > 0.1}
+    assert len(rim) == 12
+    assert rim <= {tuple(point) for point in corners.tolist()}
+
+
 def test_the_error_of_pieces_bounds_what_is_between_them_and_the_rock() -> None:
     rng = np.random.default_rng(5)
     rock = turned((0.4, 0.0), (0.25, 0.2), (0.2, 0.3), (0.25, 0.4), (0.4, 0.6), sides=16)
