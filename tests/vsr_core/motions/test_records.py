@@ -556,6 +556,17 @@ def test_records_of_several_lengths_are_whole() -> None:
     assert read_all(both, ".mseed", Reading(unit="m/s2")).acceleration.shape == (8000, 2)
 
 
+@pytest.mark.parametrize("place", [512 * 5, None])
+def test_a_miniseed_may_have_records_without_data(place: int | None) -> None:
+    whole, how = miniseed(512), Reading(unit="m/s2")
+    assert len(whole) > 512 * 6
+    place = len(whole) if place is None else place
+    more = whole[:place] + b"000099D ".ljust(512) + whole[place:]
+    np.testing.assert_array_equal(
+        read(more, ".mseed", how).acceleration, read(whole, ".mseed", how).acceleration
+    )
+
+
 def test_obspys_broken_examples_are_refused() -> None:
     seed = example("io/mseed", "two_channels.mseed")
     refusal(lambda: read(seed[:200], ".mseed", Reading(unit="m/s2")), "ObsPy cannot read")

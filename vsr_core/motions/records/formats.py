@@ -86,7 +86,10 @@ def _check_miniseed(content: bytes) -> None:
 
     whole, end = io.BytesIO(content), 0
     while end < len(content) and _MINISEED.match(content, end):
-        end += util.get_record_information(whole, end)["record_length"]
+        blank = _BLANK.match(content, end)  # a record without data, of any length
+        end = (
+            blank.end() if blank else end + util.get_record_information(whole, end)["record_length"]
+        )
     if end != len(content):
         given = f"a miniSEED file of {len(content)} bytes whose records end at byte {end}"
         raise InvalidInput(given, "it is whole records", "download it again")
@@ -360,6 +363,7 @@ def _text(content: bytes) -> str:
         return content.decode("latin-1").translate(_BREAKS)
 
 
+_BLANK = re.compile(rb"[0-9]{6}D {41,}")
 _MINISEED = re.compile(rb"([0-9]{6}[DRQM]|[ \0]{6}[DRQM][ \0](?=.{0,56}\0))", re.DOTALL)
 """The begin of a record: its number, or blanks where it has none, and its quality."""
 
