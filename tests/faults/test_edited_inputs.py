@@ -133,6 +133,7 @@ def test_what_was_saved_for_a_moment_is_not_kept(
     assert vsr("run", "motions", "--site", site).code == 0
 
 
+@pytest.mark.slow
 def test_a_member_of_another_record_is_compared_with_none(
     inputs: Path,
     write_site: Callable[..., str],

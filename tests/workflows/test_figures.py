@@ -97,6 +97,7 @@ def test_the_verdicts_and_the_page(derived: Path) -> None:
     assert 'alt="Fig. 8' in page
 
 
+@pytest.mark.slow
 def test_results_of_another_site_of_that_name_stay(
     derived: Path, tmp_path: Path, write_site: Callable[..., str], vsr: Callable[..., Any]
 ) -> None:

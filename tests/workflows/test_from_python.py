@@ -61,6 +61,7 @@ def test_a_report_gives_the_fragility_it_shows() -> None:
     assert report.equals(vsr.fragility(BLOCK, PULSES, **QUICK))
 
 
+@pytest.mark.slow
 def test_a_replay_is_of_the_rock_of_its_dataset(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -90,6 +91,7 @@ MANY = """vsr.responses(
 """
 
 
+@pytest.mark.slow
 def test_a_process_of_a_pool_has_no_workers(tmp_path: Path) -> None:
     given = ["from multiprocessing import Pool", "import vsr", "def f(_):", "    try:"]
     given += ["        " + MANY.replace("\n", " "), "    except vsr.InputError as error:"]
@@ -201,6 +203,7 @@ def test_what_was_changed_by_hand_is_not_written_over(tmp_path: Path) -> None:
     assert "2651.0" in path.read_text()
 
 
+@pytest.mark.slow
 def test_each_thread_gets_the_rock_that_it_asks_for() -> None:
     masses = [1000.0, 2000.0, 3000.0, 4000.0] * 5
 

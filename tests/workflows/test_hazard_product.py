@@ -852,6 +852,7 @@ def test_a_file_whose_pgv_is_that_of_a_slow_z_is_refused(
     refused("run", "hazard", "--site", site, *given, words=words)
 
 
+@pytest.mark.slow
 def test_curves_of_a_sweep_lie_beside_who_gives_them(
     vsr: Callable[..., Ran],
     write_site: Callable[..., str],
@@ -964,6 +965,7 @@ def test_a_study_that_is_compared_lies_over_all_of_the_command_that_it_goes_with
     assert [line.partition(": a: ")[2] for line in found.told] == [told] * bool(without)
 
 
+@pytest.mark.slow
 def test_what_a_comparison_leaves_out_of_the_command_is_told_once(vsr: Callable[..., Ran]) -> None:
     compare = "hazard.compare=[{name: coarse, study: coarse_grid}]"
     ran = vsr("plan", "hazard", "--site", "double_rock", "--study", "records", "--set", compare)
@@ -995,6 +997,7 @@ def test_stages_of_a_rock_keep_their_settings_but_not_those_of_the_hazard(
     refused("run", "hazard", *given, tmp_path / "smooth.yaml", words=words)
 
 
+@pytest.mark.slow
 def test_another_rock_takes_no_folder_of_a_site_of_its_name(
     vsr: Callable[..., Ran], write_site: Callable[..., str], tmp_path: Path, derived: Path
 ) -> None:

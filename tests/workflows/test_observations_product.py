@@ -90,6 +90,7 @@ def test_where_friction_alone_is_unknown_no_band_gets_narrower(
     assert 0.1 < low < high < 0.2
 
 
+@pytest.mark.slow
 def test_the_ensemble_has_the_rocks_that_are_left(
     products: Callable[..., xr.Dataset], derived: Path
 ) -> None:

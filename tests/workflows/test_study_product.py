@@ -182,6 +182,7 @@ sweep:
 """
 
 
+@pytest.mark.slow
 def test_similar_rocks_topple_alike(study: Study) -> None:
     """PGV/PGA and the time step as the square root of the size: no outcome differs."""
     study.run(SIMILAR, "--set", "yaw=0")
@@ -201,6 +202,7 @@ def test_similar_rocks_topple_alike(study: Study) -> None:
     assert "The normalised boundaries differ by 0.00 % in the median and 0.00 % at most" in page
 
 
+@pytest.mark.slow
 def test_motions_of_several_kinds_stand_side_by_side(study: Study) -> None:
     """What only records have is told."""
     records = Path(__file__).parents[2] / "data" / "raw" / "records"
@@ -260,6 +262,7 @@ sweep:
     assert sign * float(said[2]) == pytest.approx(100.0 * moved, rel=0.06)
 
 
+@pytest.mark.slow
 def test_a_record_that_the_reference_lacks_is_compared_with_no_other(study: Study) -> None:
     """Of two sets of records those in both are compared, beside another dimension, too."""
     folder = study.folder / "recorded"
@@ -288,6 +291,7 @@ sweep:
     assert told[4] == "2"  # levels that are compared: r1 lies between two of the reference
 
 
+@pytest.mark.slow
 def test_records_of_one_name_are_not_one_and_pulses_lie_between_none(study: Study) -> None:
     for folder, period in (("one", 1.0), ("other", 2.0)):
         (study.folder / folder).mkdir()

@@ -152,6 +152,7 @@ def test_a_gain_moves_the_boundary_of_housner(
     assert found["levels_followed"].values.sum() == np.isfinite(ends).all(axis=0).sum()
 
 
+@pytest.mark.slow
 def test_what_the_rule_spares_is_counted_where_it_is_wrong(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
@@ -342,6 +343,7 @@ def test_nothing_unknown_of_a_rock_on_its_seat_is_the_site_itself(
     assert not list(found["unknown"].values)
 
 
+@pytest.mark.slow
 def test_cells_beyond_the_range_of_the_search_are_those_of_a_wider_one(
     vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
 ) -> None:

@@ -250,7 +250,8 @@ def test_pulses_by_their_numbers_shake_each_series_in_its_direction(tmp_path: Pa
     assert data["happened"].sel(specimen=2).isnull().all()
 
 
-@pytest.mark.parametrize("components", [pytest.param(1, marks=pytest.mark.slow), 3])
+@pytest.mark.slow
+@pytest.mark.parametrize("components", [1, 3])
 def test_records_may_have_components(
     made: tuple[Path, Path], tmp_path: Path, components: int
 ) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 import xarray as xr
 from conftest import Ran
 
@@ -79,6 +80,7 @@ def test_products_of_other_settings_than_beside_them_are_told_and_not_exported(
     assert not bundle.exists()
 
 
+@pytest.mark.slow
 def test_what_has_no_place_in_common_is_not_said_to_be_alike(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
 ) -> None:

@@ -105,7 +105,7 @@ def test_no_result_goes_to_where_ones_own_files_are_read(
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
-@pytest.mark.parametrize("again", [(), OTHER])
+@pytest.mark.parametrize("again", [pytest.param((), marks=pytest.mark.slow), OTHER])
 def test_what_other_settings_made_is_marked_until_it_is_made_again(
     vsr: Vsr, write_site: Callable[..., str], derived: Path, again: tuple[str, ...]
 ) -> None:
@@ -168,6 +168,7 @@ def test_a_variant_has_products_of_its_own_and_shares_the_runs(
     assert vsr(*command, "--name", "../elsewhere").code == 2
 
 
+@pytest.mark.slow
 def test_plan_knows_the_stored_runs_and_the_step_of_a_study_that_was_not_the_last(
     vsr: Vsr, write_site: Callable[..., str]
 ) -> None:

@@ -40,6 +40,7 @@ def error(case: Case, share: float, name: str) -> Error:
     return summed_up(measure(case, at(share, case), NUMBER)[QUANTITIES.index(name)])
 
 
+@pytest.mark.slow
 def test_a_shorter_step_keeps_a_tolerance_for_tilt_and_slip() -> None:
     """Housner's block: at a third of the usual step, not at one half longer than it."""
     assert exact(BLOCK) == ("peak_tilt",)

@@ -36,6 +36,7 @@ def test_same_rock_as_among_all_faces_at_once(seed: int) -> None:
     assert apart < 0.02
 
 
+@pytest.mark.slow
 def test_noise_as_large_as_the_edges_does_not_hide_the_rock() -> None:
     field = FieldScan(4, noise=0.012, edge=0.04)
     mesh = sheet(field)

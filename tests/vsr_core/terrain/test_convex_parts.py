@@ -283,6 +283,7 @@ def test_a_level_piece_is_a_slab_of_its_thickness() -> None:
     assert len(part) == 8
 
 
+@pytest.mark.slow
 def test_parts_end_where_they_have_too_many_points() -> None:
     cells = math.isqrt(2 * MOST_POINTS)
     made = convex_parts(grounds.level(2.0, cells), same_everywhere(0.01), 0.05)

@@ -291,6 +291,7 @@ def test_a_cut_on_the_page_is_where_the_rock_is(shown: Shown) -> None:
     np.testing.assert_allclose(colour["rgb"], STONE, atol=15)
 
 
+@pytest.mark.slow
 def test_alternatives_tell_the_truth_about_themselves() -> None:
     """Each is tried again here; an honest one that gives the rock gives its volume too."""
     assert prepared().alternatives

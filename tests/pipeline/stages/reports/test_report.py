@@ -426,6 +426,7 @@ def test_the_printed_command_has_all_settings(
     assert again.config == changed.config
 
 
+@pytest.mark.slow
 def test_the_printed_command_makes_the_boundary_that_is_shown(
     vsr: Callable[..., Ran], write_site: Callable[..., str], tmp_path: Path
 ) -> None:

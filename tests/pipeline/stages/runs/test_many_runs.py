@@ -138,6 +138,7 @@ def test_batches_follow_the_cost_of_a_run(
     assert sum(sizes) == 3600
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_grid(job: Work, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runner, "AT_ONCE", 1000)
     monkeypatch.setattr(runner, "LARGEST_BATCH", 50)

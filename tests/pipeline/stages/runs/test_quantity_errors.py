@@ -85,7 +85,7 @@ def test_a_step_by_hand_has_its_errors_measured_all_the_same(
     assert np.isnan(data["boundary_error"].item())
 
 
-@pytest.mark.parametrize("at", [0, 1])
+@pytest.mark.parametrize("at", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_friction_has_its_own_error(
     at: int, write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path
 ) -> None:

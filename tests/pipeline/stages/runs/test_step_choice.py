@@ -43,6 +43,7 @@ def stored(config: Config, derived: Path) -> tuple[float, ...]:
     return step_choice.stored_steps(scenes, derived / "rock").steps
 
 
+@pytest.mark.slow
 def test_a_friction_more_keeps_what_was_measured(
     write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path, tmp_path: Path
 ) -> None:

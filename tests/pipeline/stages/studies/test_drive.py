@@ -138,6 +138,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drive_runs, "HALVINGS", 2)
 
 
+@pytest.mark.slow
 def test_one_pgv_pga_is_one_row(
     small: None,
     monkeypatch: pytest.MonkeyPatch,
