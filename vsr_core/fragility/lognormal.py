@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri
 
@@ -80,33 +78,40 @@ class LognormalFragility(FragilityModel):
 
     def refit(self, row_weights: Array) -> Array:
         """Interpolate again from the rows of positive weight only: no row's curve needs another."""
-        return self._interpolated(row_weights, 0.0, 0.0)
+        return self._interpolated(row_weights, 0.0, self.cells.usable)
 
     def resample(self, row_weights: Array, rng: np.random.Generator) -> Array:
         """Interpolate again, with ln theta of each kept row drawn from what the row leaves open.
 
         Resampling rows alone would show the error of interpolation and nothing else. The draw is
         uniform on the row's grid interval, or normal with the standard error of its fit. Rows that
-        are left out go by what one outcome alone allows next to them: to any end.
+        are left out go by rows with both outcomes, if there are: theta of others is an assumption.
         """
         drawn = self._half_width * rng.uniform(-1.0, 1.0, row_weights.shape)
         drawn += self._ln_theta_se * rng.standard_normal(row_weights.shape)
-        ends = {"above": np.inf, "below": -np.inf}
-        return self._interpolated(
-            row_weights, drawn, np.array([ends.get(one, 0.0) for one in self.status])
-        )
+        closed = self.cells.usable & ~np.isin(self.status, ("above", "below"))
+        return self._interpolated(row_weights, drawn, closed)
 
     def named(self, coefs: Array) -> dict[str, Array]:
         with np.errstate(over="ignore"):  # open above where an outcome hardly depends on PGA
             return dict(zip(("theta", "beta"), np.exp(np.moveaxis(coefs, -1, 0)), strict=True))
 
     def opened(self, ends: dict[str, tuple[Array, Array]]) -> dict[str, tuple[Array, Array]]:
-        """As of the base: theta of what never topples is above the last PGA at which it stood."""
+        """As of the base: theta of what never topples is above the last PGA at which it stood.
+
+        That of a row without a verdict has no end where such a row is beside it.
+        """
         above, below = (np.equal(self.status, name) for name in ("above", "below"))
         low, high = ends["theta"]
-        low = np.where(above, np.exp(self._ends[0]), np.where(below, 0.0, low))
-        high = np.where(above, np.inf, np.where(below, np.exp(self._ends[1]), high))
+        low = np.where(above, np.exp(self._ends[0]), np.where(self._beside(below), 0.0, low))
+        high = np.where(below, np.exp(self._ends[1]), np.where(self._beside(above), np.inf, high))
         return ends | {"theta": (low, high)}
+
+    def _beside(self, rows: Mask) -> Mask:
+        """Rows, and those without a verdict between which and these there is no other."""
+        usable, ln_ratio = self.cells.usable, self.cells.ln_ratio
+        share = _means(ln_ratio[usable], rows[usable].astype(np.float64))
+        return rows | (~usable & (np.interp(ln_ratio, *share) > 0.0))
 
     def probability(self, coefs: Array, ln_pga: Array) -> Array:
         ln_theta, ln_beta = np.moveaxis(coefs[..., None], 2, 0)
@@ -119,30 +124,20 @@ class LognormalFragility(FragilityModel):
         level = np.where(ln_level > ln_pga[-1], np.inf, np.exp(np.minimum(ln_level, ln_pga[-1])))
         return np.where(ln_level < ln_pga[0], 0.0, level)
 
-    def _interpolated(
-        self, row_weights: Array, drawn: Array | float, beyond: Array | float
-    ) -> Array:
+    def _interpolated(self, row_weights: Array, drawn: Array | float, sources: Mask) -> Array:
         """Rows' values, with `drawn` added to ln theta, as those of positive weight leave them.
 
-        Rows left out go by the others with `beyond` added; rows of one PGV/PGA count alike. What
-        lies between two open ends is at either, in turn.
+        Others go by the `sources` among them, if there are; rows of one PGV/PGA count alike.
         """
         ln_ratio = self.cells.ln_ratio
         values = np.repeat(self._row_values[None], len(row_weights), axis=0)
         values[..., 0] += drawn
-        sources = values.copy()
-        sources[..., 0] += beyond
-        open_end = itertools.cycle([-np.inf, np.inf])
-        for member, source, weights in zip(values, sources, row_weights, strict=True):
+        for member, weights in zip(values, row_weights, strict=True):
             kept = (weights > 0) & self.cells.usable
-            at, place, times = np.unique(ln_ratio[kept], return_inverse=True, return_counts=True)
-            either = next(open_end)
+            by = kept & sources if (kept & sources).any() else kept
             for column in range(2):
-                with np.errstate(invalid="ignore"):
-                    known = np.bincount(place, source[kept, column]) / times
-                    known[np.isnan(known)] = either
-                there = np.interp(ln_ratio[~kept], at, known)
-                member[~kept, column] = np.where(np.isnan(there), either, there)
+                known = _means(ln_ratio[by], member[by, column])
+                member[~kept, column] = np.interp(ln_ratio[~kept], *known)
         return values
 
     def _threshold(self, row: int) -> tuple[str, float, float]:
@@ -200,6 +195,12 @@ class LognormalFragility(FragilityModel):
         gradient = np.stack([-1.0 / b1, np.where(flat, 0.0, b0 / b1**2)], axis=1)
         error = np.sqrt(np.einsum("ri,rij,rj->r", gradient, np.linalg.pinv(fisher), gradient))
         return centre - b0 / b1, -np.log(b1), error, flat
+
+
+def _means(places: Array, values: Array) -> tuple[Array, Array]:
+    """Places in ascending order, and the mean of all values at each."""
+    at, place, times = np.unique(places, return_inverse=True, return_counts=True)
+    return at, np.bincount(place, values) / times
 
 
 def _information(eta: Array, trials: Array) -> tuple[Array, Array, Array]:

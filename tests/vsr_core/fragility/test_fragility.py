@@ -327,16 +327,16 @@ def test_lognormal_separated_rows_say_what_the_grid_allows():
 
 
 def test_theta_of_rows_of_one_outcome_has_no_end_that_no_run_gives():
-    """Nor has that of a row beside them, wherever it is left out, or has no verdict."""
+    """Nor has that of an undecided row beside them; of all others a run gives both ends."""
     pga = np.array([0.1, 0.2, 0.4, 0.8])
     one, none = [0, 0, 1, 1], [np.nan] * 4
-    grid = [[0] * 4, none, *[one] * 12, none, [1] * 4]
-    theta = fit_all(pga, 0.1 * np.arange(1, 17), grid).model("lognormal").parameters[0]
-    assert (theta.upper[:3] == np.inf).all()
-    assert (theta.lower[-3:] == 0.0).all()
-    assert (theta.lower[:8] > 0.0).all()
-    assert (theta.upper[8:] < np.inf).all()
+    grid = [[0] * 4, none, *[one] * 4, none, *[one] * 4, none, [1] * 4]
+    theta = fit_all(pga, 0.1 * np.arange(1, 14), grid).model("lognormal").parameters[0]
+    np.testing.assert_array_equal(theta.upper == np.inf, np.arange(13) < 2)
+    np.testing.assert_array_equal(theta.lower == 0.0, np.arange(13) > 10)
     assert (theta.lower[0], theta.upper[-1]) == pytest.approx((0.8, 0.1))
+    assert (theta.lower[1:-2] >= 0.2).all()
+    assert (theta.upper[2:-1] <= 0.4).all()
     assert np.isfinite(theta.value).all()
 
 
