@@ -561,6 +561,8 @@ def test_a_miniseed_may_have_records_without_data(place: int | None) -> None:
     whole, how = miniseed(512), Reading(unit="m/s2")
     assert len(whole) > 512 * 6
     place = len(whole) if place is None else place
+    cut = whole[:place] + b"000099D ".ljust(300) + whole[place:]
+    refusal(lambda: read(cut, ".mseed", how), f"records end at byte {place}")
     more = whole[:place] + b"000099D ".ljust(512) + whole[place:]
     np.testing.assert_array_equal(
         read(more, ".mseed", how).acceleration, read(whole, ".mseed", how).acceleration

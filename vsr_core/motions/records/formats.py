@@ -86,10 +86,14 @@ def _check_miniseed(content: bytes) -> None:
 
     whole, end = io.BytesIO(content), 0
     while end < len(content) and _MINISEED.match(content, end):
-        blank = _BLANK.match(content, end)  # a record without data, of any length
-        end = (
-            blank.end() if blank else end + util.get_record_information(whole, end)["record_length"]
-        )
+        blank = _BLANK.match(content, end)  # a record without data
+        if blank:
+            length = len(blank[0])
+        else:
+            length = util.get_record_information(whole, end)["record_length"]
+        if length & (length - 1):
+            break  # all are of powers of two
+        end += length
     if end != len(content):
         given = f"a miniSEED file of {len(content)} bytes whose records end at byte {end}"
         raise InvalidInput(given, "it is whole records", "download it again")
