@@ -22,6 +22,7 @@ from vsr_core.engines import nonsmooth
 from vsr_core.engines.interface import GroundWorld
 from vsr_core.engines.nonsmooth import terrain_runs
 from vsr_core.engines.nonsmooth.terrain_runs import Shaking
+from vsr_core.engines.nonsmooth.world import NonsmoothWorld
 from vsr_core.errors import InvalidInput
 from vsr_core.judge import ground_lookup, on_terrain, track
 from vsr_core.judge.on_terrain import LONGEST_TIME, MONITORING_TIME
@@ -198,15 +199,39 @@ def set_up(
 
 def complete(run: Run, case: TerrainCase, settings: Settings) -> DisplacementRun:
     """Step a run to its end."""
+    record, follow = run.record, run.criteria.follow
+    run.skip(first_sample(run.values[: run.sampled.pulse_samples], case, settings))
+    kept = begin_track(run)
+    # A rock first comes to the moment in which it topples, as another scene may follow.
+    run.criteria = run.criteria._replace(follow=False)
+    outcome, stop = step_on(run, case, kept)
+    if follow and record.toppled:
+        leave_seat(run, case, settings)
+        outcome, stop = step_on(run, case, kept)
+    if outcome != UNSTABLE:
+        track.end(kept, record)
+    return _result(outcome, stop, run.steps, record, kept)
+
+
+def begin_track(run: Run) -> Track:
+    """Room for what is kept of a run from now on."""
+    kept = track.room(math.ceil(run.last_sample / run.monitored) + 1)
+    track.begin(kept, run.record, run.time)
+    return kept
+
+
+def step_on(run: Run, case: TerrainCase, kept: Track, until: float = math.inf) -> tuple[int, int]:
+    """Step a run until it is decided; its outcome, and what stopped it.
+
+    Parameters
+    ----------
+    until : float [s], when it is out of time
+    """
     record, criteria, pulse = run.record, run.criteria, run.sampled.pulse_samples
     assert case.seat.terrain is not None
     lookup, interval = ground_lookup.lookup(case.seat.terrain), run.sampled.interval
-    kept = track.room(math.ceil(run.last_sample / run.monitored) + 1)
-    run.skip(first_sample(run.values[:pulse], case, settings))
-    track.begin(kept, record, run.time)
-    outcome, stop = GOES_ON, on_terrain.UNDONE
-    while outcome == GOES_ON and run.sample < run.last_sample:
-        since, toppled = run.sample, record.toppled
+    while run.sample < run.last_sample and run.time < until:
+        since = run.sample
         run.step()
         pushes = in_site(run.values[since : run.sample], case.seat.yaw).sum(axis=0) * interval
         record.change[:] = -pushes
@@ -215,36 +240,25 @@ def complete(run: Run, case: TerrainCase, settings: Settings) -> DisplacementRun
         sees = on_terrain.monitor(record, criteria, kept, run.time, run.impulse, late)
         deepest = cast(GroundWorld, run.world).contacts()[1] if sees else -1.0
         outcome, stop = on_terrain.judge(record, criteria, lookup, run.time, run.shaken, deepest)
-        if outcome == GOES_ON and record.toppled and not toppled and settings.reduce:
-            _go_on_in(run, case.flight, settings)
-    if outcome == GOES_ON:
-        outcome, stop = on_terrain.out_of_time(record, criteria)
-    if outcome != UNSTABLE:
-        track.end(kept, record)
-    return _result(outcome, stop, run.steps, record, kept)
+        if outcome != GOES_ON:
+            return outcome, stop
+    return on_terrain.out_of_time(record, criteria)
 
 
-def _go_on_in(run: Run, scene: Scene, settings: Settings) -> None:
-    """Change to another scene of the same rock, raised so that it does not start inside it."""
+def leave_seat(run: Run, case: TerrainCase, settings: Settings) -> None:
+    """Have a rock that toppled go on in its scene in flight, raised if it would start inside it."""
+    run.criteria = run.criteria._replace(follow=True)
+    if case.flight is case.seat:
+        return
+    if settings.engine == COMPILED:
+        cast(NonsmoothWorld, run.world).go_on_in(case.flight)
+        run.record.intervals = 0
+        return
     state = run.world.state()
-    world = cast(GroundWorld, loop.enter(scene, settings, run.sampled))
+    world = cast(GroundWorld, loop.enter(case.flight, settings, run.sampled))
     world.put(state)
-    clear(world, state)
+    loop.clear(world, state)
     run.world = world
-
-
-def clear(world: GroundWorld, state: State) -> State:
-    """Raise a rock until it is no deeper in the ground than a touch."""
-    for _ in range(4):
-        world.advance([0.0])
-        deepest = world.contacts()[1]
-        world.put(state)
-        if deepest == 0.0:
-            break
-        above = np.array([0.0, 0.0, 1.2 * deepest])
-        state = replace(state, position=state.position + above)
-        world.put(state)
-    return state
 
 
 def along(scene: Scene) -> Array:

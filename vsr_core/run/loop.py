@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from vsr_core import engines
 from vsr_core.arrays import Array, matrix_product
 from vsr_core.compiled import records
-from vsr_core.engines.interface import DrivenWorld, TurningWorld, WatchingWorld, World
+from vsr_core.engines.interface import DrivenWorld, GroundWorld, TurningWorld, WatchingWorld, World
 from vsr_core.judge import record as run_record
 from vsr_core.judge.record import Criteria, RunRecord
 from vsr_core.motions.ground_motion import GroundMotion
@@ -187,6 +187,20 @@ def enter(scene: Scene, settings: Settings, sampled: Sampling) -> World:
     engine = engines.load(settings.engine)
     step = sampled.interval / sampled.substeps
     return engine.build(scene, step, sampled.substeps, settings.solver)
+
+
+def clear(world: GroundWorld, state: State) -> State:
+    """Raise a rock until it is no deeper in the ground than a touch."""
+    for _ in range(4):
+        world.advance([0.0])
+        deepest = world.contacts()[1]
+        world.put(state)
+        if deepest == 0.0:
+            break
+        above = np.array([0.0, 0.0, 1.2 * deepest])
+        state = replace(state, position=state.position + above)
+        world.put(state)
+    return state
 
 
 def inertia_of(rock: Rock) -> Array:

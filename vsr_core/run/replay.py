@@ -2,7 +2,8 @@
 
 The outcome is found as the study finds it. Its run is then stepped once more in the same scene, at
 the same time step, with the same samples, and has to end in the same step at the same tilt. It
-goes on after its outcome was decided, until the rock rests, so that one sees where that led.
+goes on after its outcome was decided, until the rock rests, so that one sees where that led; on a
+terrain as a displacement run does, and to where that stops.
 """
 
 from __future__ import annotations
@@ -121,6 +122,7 @@ class _Camera:
         self.run, self.world = run, run.world
         self._record = records.room(RunRecord)
         self._write = loop.writer(self._record, run.scene.rock)
+        self._spacing = spacing
         self._each = 10**9 if whole else max(1, int(spacing / run.sampled.interval + 1e-9))
         self.frames = [self._frame(0.0, run.start)]
 
@@ -145,6 +147,8 @@ class _Camera:
             part = samples[start : start + self._each]
             run_on(part)
             time = (self.run.sample + start + len(part)) * interval
+            if len(self.frames) > 1 and time <= self.frames[-2].time + self._spacing + 1e-9:
+                self.frames.pop()  # a judgement came earlier than a frame was due
             self.frames.append(self._frame(time, self.world.state()))
 
     def _frame(self, time: float, state: State) -> _Frame:
@@ -177,14 +181,8 @@ def _attempts(
             whole = not in_one_go and scene.terrain is not None
             camera = _Camera(run, spacing, whole=whole)
             run.world = cast(World, camera)
-            if response.steps and in_one_go:
-                run.skip(_passed_over(place, settings, run))
-                run.take(response.steps)
-            elif response.steps:
-                if isinstance(place, TerrainCase):
-                    displacement.complete(run, place, settings)
-                else:
-                    overturning.complete(run, place)
+            if response.steps:
+                _complete(run, place, settings, response.steps)
             yield run, camera
         time_step /= 2.0
 
@@ -202,21 +200,28 @@ def _set_up(
     return overturning.set_up(place, scene, motion, settings, time_step)
 
 
-def _passed_over(place: Case | TerrainCase, settings: Settings, run: Run) -> int:
-    """Samples before the first that can move the rock, with which its run begins."""
+def _complete(run: Run, place: Case | TerrainCase, settings: Settings, steps: int) -> None:
+    """Step a run to its outcome; after so many steps, if it was compiled and on a flat pedestal."""
     if isinstance(place, TerrainCase):
-        ahead = run.values[: run.sampled.pulse_samples]
-        return displacement.first_sample(ahead, place, settings)
-    return max(0, overturning.first_sample(run, place)) if run.criteria.proves else 0
+        displacement.complete(run, place, settings)
+    elif settings.engine == COMPILED:
+        run.skip(max(0, overturning.first_sample(run, place)) if run.criteria.proves else 0)
+        run.take(steps)
+    else:
+        overturning.complete(run, place)
 
 
 def _go_on(
     place: Case | TerrainCase, settings: Settings, run: Run, camera: _Camera, until: float
 ) -> None:
-    """Step a decided run until the rock rests, in the scene of a rock that has left its seat."""
-    now = camera.frames[-1].state
-    if isinstance(place, TerrainCase) and camera.frames[-1].tilt > place.toppled_tilt:
-        camera.world = loop.enter(replace(place.flight, start=now), settings, run.sampled)
+    """Step a decided run until the rock rests; on a terrain to the end of a displacement run."""
+    if isinstance(place, TerrainCase) and run.steps:
+        if run.record.toppled:
+            run.world = camera.world
+            displacement.leave_seat(run, place, settings)
+            camera.world, run.world = run.world, cast(World, camera)
+            displacement.step_on(run, place, displacement.begin_track(run), until)
+        return
     record, rock = records.room(RunRecord), run.scene.rock
     criteria = on_terrain.criteria(
         rock,

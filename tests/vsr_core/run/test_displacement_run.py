@@ -32,7 +32,7 @@ from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.outcome import DISPLACED_SHARE, DecidedBy, Outcome, StopReason
 from vsr_core.rock import reduction, solid
 from vsr_core.rock.body import Rock
-from vsr_core.run import displacement
+from vsr_core.run import displacement, loop
 from vsr_core.run.cases import Settings, TerrainCase, prepare
 from vsr_core.run.displacement import DisplacementRun
 from vsr_core.run.loop import HALVINGS
@@ -494,7 +494,7 @@ def test_a_state_is_raised_out_of_the_ground() -> None:
             angular_velocity=np.ones(3),
         )
         world.put(pressed)
-        raised = displacement.clear(world, pressed)
+        raised = loop.clear(world, pressed)
         lift = raised.position - pressed.position
         np.testing.assert_allclose(lift[:2], 0.0)
         assert depth - 1e-4 <= lift[2] <= 1.25 * depth + 1e-3
@@ -506,7 +506,7 @@ def test_a_state_is_raised_out_of_the_ground() -> None:
         assert world.contacts()[1] < 1e-3
     aloft = replace(site.seat.start, position=np.array([0.0, 0.0, 2.0]))
     world.put(aloft)
-    np.testing.assert_array_equal(displacement.clear(world, aloft).position, aloft.position)
+    np.testing.assert_array_equal(loop.clear(world, aloft).position, aloft.position)
 
 
 # Trajectories

@@ -16,15 +16,17 @@ from support import grounds
 
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
+from vsr_core.judge.on_terrain import DROPPED_SHARE
 from vsr_core.judge.proofs import barrier
 from vsr_core.motions.pulses import CosinePulse, SinePulse
 from vsr_core.motions.six_axes import AxisPulse, AxisPulses
 from vsr_core.outcome import DecidedBy, Outcome
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
+from vsr_core.rock.reduction import in_flight
 from vsr_core.run import replay as replays
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
-from vsr_core.run.displacement import respond
+from vsr_core.run.displacement import displace, respond
 from vsr_core.run.overturning import simulate
 from vsr_core.run.replay import Replay, replay
 from vsr_core.scene import Contact, Scene
@@ -173,6 +175,34 @@ def test_on_a_terrain_it_is_the_run_of_the_study_and_goes_on(engine: str, pga: f
     lowest = min(abs(run.position[-1, 2] - height) for height in heights)
     assert lowest < 0.02
     assert run.tilt[-1] > 1.0 if pga == 0.8 else run.tilt[-1] < 0.1
+
+
+@pytest.mark.parametrize("engine", ["nonsmooth", "bullet"])
+@pytest.mark.parametrize("tilt", [0.5, 1.2])
+def test_after_toppling_it_goes_the_way_of_the_displacement_run(engine: str, tilt: float) -> None:
+    """By its tilt, and by how far its centre came down before that; another hull is in flight."""
+    seat = grounds.site(grounds.lump(), grounds.perch(), yaw=4.0).seat
+    place = TerrainCase(seat, replace(seat, rock=in_flight(seat.rock)), tilt)
+    pulse, settings = CosinePulse.from_g(0.4, 0.3), Settings(0.003, engine=engine)
+    stored, run = displace(place, pulse, settings).trajectory, replay(place, pulse, settings)
+    decided = int(np.searchsorted(run.time, run.decided - 1e-9))
+    dropped = run.position[0, 2] - run.position[decided, 2] > DROPPED_SHARE * seat.rock.radius
+    assert (run.tilt[decided] > tilt) != dropped
+    assert dropped == (tilt == 1.2)
+    assert run.time[-1] == stored.time[-1] > run.decided + 1.0
+    at = np.searchsorted(run.time, stored.time - 1e-9)
+    np.testing.assert_allclose(run.position[at], stored.position, rtol=0.0, atol=1e-9)
+    same = np.abs((run.quaternion[at] * stored.quaternion).sum(axis=1))  # with either sign
+    np.testing.assert_allclose(same, 1.0, atol=1e-9)
+
+
+def test_states_are_no_closer_than_asked_for_on_a_terrain_either() -> None:
+    seat = grounds.site(rock(), grounds.level(), yaw=0.5).seat
+    place, pulse = TerrainCase(seat, seat, 1.0), CosinePulse.from_g(0.8, 0.3)
+    run = replay(place, pulse, FINE, spacing=0.02, longest=0.3)
+    assert run.time[-1] == pytest.approx(run.decided + 0.3, abs=0.01)
+    assert np.diff(run.time).max() < 0.02 + 1e-9
+    assert np.median(np.diff(run.time)) > 0.015
 
 
 # ---- Energies

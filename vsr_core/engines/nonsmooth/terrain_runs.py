@@ -21,7 +21,7 @@ from vsr_core.engines.nonsmooth import peaks as watched
 from vsr_core.engines.nonsmooth.body import Body, Point, Points, RockState, Stepping
 from vsr_core.engines.nonsmooth.peaks import Peaks
 from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
-from vsr_core.engines.nonsmooth.world import set_state
+from vsr_core.engines.nonsmooth.world import put_on, set_state
 from vsr_core.judge import ground_lookup, on_terrain, track
 from vsr_core.judge.ground_lookup import Lookup
 from vsr_core.judge.record import GOES_ON, UNSTABLE, Criteria, RunRecord, note_peaks
@@ -103,21 +103,12 @@ def run(
     outcome, stop, now = _run(body, under, site.lookup, stops, *given, shaking.first)
     if criteria.follow and record.toppled and site.flying is not None and site.below is not None:
         body, under = site.flying, site.below
-        _put_on(body, under, site.lookup, rock)
+        put_on(body, under, site.lookup, rock)
         record.intervals = 0
         outcome, stop, now = _run(body, under, site.lookup, criteria, *given, now)
     if outcome != UNSTABLE:
         track.end(kept, record)
     return outcome, stop, now - shaking.first, record, kept
-
-
-def _put_on(body: Body, ground: Ground, surface: Lookup, rock: RockState) -> None:
-    """Set a rock onto another ground, raised so far that it does not begin in it."""
-    corners = rock.place + body.points @ rock.rotation.T
-    deepest = max(ground_lookup.depth(surface, *corner) for corner in corners)
-    rock.place[2] += max(0.0, deepest)
-    rock.found = rock.near = rock.active = rock.kept = 0
-    forget(ground)
 
 
 @compiled

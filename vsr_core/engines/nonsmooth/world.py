@@ -22,6 +22,8 @@ from vsr_core.engines.nonsmooth.body import Body, Point, RockState, Stepping
 from vsr_core.engines.nonsmooth.peaks import Peaks
 from vsr_core.engines.nonsmooth.stepping import drift
 from vsr_core.engines.nonsmooth.tree import MOST_POINTS, Ground, forget, ground
+from vsr_core.judge import ground_lookup
+from vsr_core.judge.ground_lookup import Lookup
 from vsr_core.scene import Scene, State, in_site, resting
 
 
@@ -50,6 +52,13 @@ class NonsmoothWorld:
         begin(self._body, self._rock, self._peaks, self._step)
         if self._ground is not None:
             forget(self._ground)
+
+    def go_on_in(self, scene: Scene) -> None:
+        """Have the rock go on in another scene of it on its terrain, as in a compiled run."""
+        assert scene.terrain is not None
+        self._body = bodies.body(scene.rock, scene.contact, on_level=False)
+        self._ground = ground(scene.rock, scene.terrain)
+        put_on(self._body, self._ground, ground_lookup.lookup(scene.terrain), self._rock)
 
     def advance(self, acceleration: Iterable[float]) -> None:
         """Step through samples of the table's acceleration along the shaking [m/s^2].
@@ -168,6 +177,15 @@ def begin(body: Body, rock: RockState, peaks: Peaks, time_step: float) -> None:
             rock.momentum[k] += rock.inertia[k, j] * rock.velocity[3 + j]
     watched.begin(peaks, rock)
     drift(rock, 0.5 * time_step)
+
+
+def put_on(body: Body, ground: Ground, surface: Lookup, rock: RockState) -> None:
+    """Set a rock onto another ground, raised so far that it does not begin in it."""
+    corners = rock.place + body.points @ rock.rotation.T
+    deepest = max(ground_lookup.depth(surface, *corner) for corner in corners)
+    rock.place[2] += max(0.0, deepest)
+    rock.found = rock.near = rock.active = rock.kept = 0
+    forget(ground)
 
 
 def upward_of(scene: Scene) -> Array:
