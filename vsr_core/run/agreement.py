@@ -20,7 +20,8 @@ from vsr_core.run.rocking_block import Block, first_overturning_pga, rocking_res
 
 Passing = Callable[[float], frozenset[bool]]
 """From a PGA [m/s^2] to the outcomes that pass there, True for toppling: one that is right, both
-where references differ, and none where a reference is unresolved."""
+where references differ, and none where a reference is unresolved. Where both pass nothing agrees:
+no error is told below what the references know."""
 
 OFFSETS = (0.00125, 0.0025, 0.005, 0.0075, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08)
 """Distances from the boundary at which outcomes are compared, as shares of it."""
@@ -122,22 +123,17 @@ def levels(boundary: float) -> list[tuple[float, float]]:
 def agrees_from(topples: Topples, passing: Passing, boundary: float) -> float:
     """Find the least offset at which an outcome is right, the larger of both sides.
 
-    Only pulses count below the boundary at which the rock must stand, and above it at which it must
-    topple: no error is told below what references know.
-
     Parameters
     ----------
     topples : Topples, what is judged; unresolved it is never right
     boundary : float [m/s^2]
     """
-    below, above = zip(*levels(boundary), strict=True)
-    sides = (below, False), (above, True)
-    return max(_one_side(topples, passing, pulses, right) for pulses, right in sides)
+    return max(_one_side(topples, passing, side) for side in zip(*levels(boundary), strict=True))
 
 
-def _one_side(topples: Topples, passing: Passing, pulses: Sequence[float], right: bool) -> float:
-    for offset, pga in zip(OFFSETS, pulses, strict=True):
-        if topples(pga) == right and passing(pga) == {right}:
+def _one_side(topples: Topples, passing: Passing, side: Sequence[float]) -> float:
+    for offset, pga in zip(OFFSETS, side, strict=True):
+        if passing(pga) == {topples(pga)}:
             return offset
     return WORST
 

@@ -43,7 +43,8 @@ class Target:
     spread : float, how far the references are apart, relative; 0 if exact
     references : tuple of (name of an engine, its time step as in ``Ladder``); empty if exact
     passing : dict, from the PGAs compared [m/s^2] to the outcomes that pass there, as
-        ``agreement.Passing``
+        ``agreement.Passing``: standing below the boundary and toppling above it, and none where the
+        references are not agreed on that
     """
 
     pgv_pga: float
@@ -100,7 +101,10 @@ def target(case: Case | TerrainCase, pgv_pga: float, engines: tuple[str, ...]) -
         known = answer(case, pgv_pga, coarse, references, references)
     nothing = math.isnan(known.boundary)
     compared = () if nothing else (pga for pair in levels(known.boundary) for pga in pair)
-    passing = {pga: known.passing(pga) for pga in compared}
+    passing = {}
+    for pga in compared:
+        side = frozenset({pga > known.boundary})
+        passing[pga] = side if known.passing(pga) == side else frozenset()
     judges = () if known.exact else tuple(steps)
     return Target(pgv_pga, known.boundary, known.exact, known.spread, judges, passing)
 
