@@ -122,7 +122,9 @@ class LognormalFragility(FragilityModel):
         ln_level = coefs[..., 0] + np.exp(coefs[..., 1]) * ndtri(probability)
         ln_pga = self.cells.ln_pga
         level = np.where(ln_level > ln_pga[-1], np.inf, np.exp(np.minimum(ln_level, ln_pga[-1])))
-        return np.where(ln_level < ln_pga[0], 0.0, level)
+        level = np.where(ln_level < ln_pga[0], 0.0, level)
+        above, below = (np.equal(self.status, name) for name in ("above", "below"))
+        return np.where(above, np.inf, np.where(below, 0.0, level))
 
     def _interpolated(self, row_weights: Array, drawn: Array | float, sources: Mask) -> Array:
         """Rows' values, with `drawn` added to ln theta, as those of positive weight leave them.

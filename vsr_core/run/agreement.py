@@ -29,9 +29,9 @@ OFFSETS = (0.00125, 0.0025, 0.005, 0.0075, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 
 WORST = 0.12
 """Error noted where outcomes differ even at the largest of these."""
 
-WINDOW, HALVINGS = 0.1, 6
+WINDOW, HALVINGS = 0.1, 8
 """Half the range, as a share, in which the reference's boundary is searched, and how often it is
-halved."""
+halved: to less than the nearest pulses are apart, as both would else end alike beside it."""
 
 STRONGEST = 4.0 * GRAVITY
 """Strongest pulse tried [m/s^2]."""
@@ -92,6 +92,9 @@ def by_references(
     ends = (1.0 - WINDOW) * near, (1.0 + WINDOW) * near
     found = [halved(reference, *ends, HALVINGS).middle for reference in searched]
     boundary = float(np.mean(found))
+    margin = WINDOW * (1.0 - 1.5 * 0.5**HALVINGS)
+    if any(abs(one / near - 1.0) > margin for one in found):  # at an end: it may lie beyond
+        return Answer(_reached(boundary), lambda pga: frozenset(), exact=False, spread=WINDOW)
 
     def passing(pga: float) -> frozenset[bool]:
         outcomes = [reference(pga) for reference in asked]

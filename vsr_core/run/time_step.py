@@ -3,7 +3,7 @@
 A row is one direction and one PGV/PGA. The reference is Housner's equation where a box rocks on an
 edge of a flat pedestal, else the same scene at the reference step of the engine's ladder. Every
 step of the ladder is compared with it. A pulse on which the reference itself changes its mind with
-its step has no right answer, and either outcome passes.
+its step has no right answer, and does not count.
 
 Where too few rows topple, longer pulses and directions between are tried, and then the boundary
 from which on the rock is displaced. Where too few have that, too, nothing is said of the error.

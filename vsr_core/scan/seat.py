@@ -130,7 +130,7 @@ def seat(
     """
     beneath = shapely.union_all([shapely.make_valid(shapely.Polygon(loop)) for loop in loops])
     if loops:
-        terrain = _without_foot(terrain, loops, radius)
+        terrain = _without_foot(terrain, loops, beneath, radius)
     middles = terrain.vertices[terrain.faces].mean(axis=1)
     unseen = shapely.contains_xy(beneath, middles[:, :2]) & (middles[:, 2] < outer[:, 2].mean())
     whole = bearing == "whole"
@@ -147,20 +147,26 @@ def seat(
     return Seat(ground, points, tuple(pyramids), float(moved))
 
 
-def _without_foot(terrain: Terrain, loops: Sequence[Array], radius: float) -> Terrain:
+def _without_foot(
+    terrain: Terrain, loops: Sequence[Array], beneath: shapely.Geometry, radius: float
+) -> Terrain:
     """Ground without faces that are turned down at the seam or below it.
 
-    They are of a foot that overhangs where the cut is above its seam, or folded there. No rock is
-    under them; a wall that leans over one rises above its seam.
+    They are of a foot that overhangs where the cut is above its seam, turned away from the rock, or
+    folded at the seam. No rock is under them; a wall that leans over one is turned towards it.
     """
     depth, wide = DEPTH_SHARE * radius, BANK_SHARE * radius
     middles = terrain.vertices[terrain.faces].mean(axis=1)
-    down = np.flatnonzero(cross_products(terrain.vertices, terrain.faces)[:, 2] < 0.0)
+    normals = cross_products(terrain.vertices, terrain.faces)
+    down = np.flatnonzero(normals[:, 2] < 0.0)
+    plan = middles[down, :2]
     lines = [shapely.segmentize(shapely.LinearRing(loop), depth) for loop in loops]
     seam = shapely.get_coordinates(lines, include_z=True)
-    apart, nearest = cKDTree(seam[:, :2]).query(middles[down, :2])
-    below = middles[down, 2] < seam[nearest, 2] + depth
-    return Terrain(terrain.vertices, np.delete(terrain.faces, down[(apart <= wide) & below], 0))
+    below = middles[down, 2] < seam[cKDTree(seam[:, :2]).query(plan)[1], 2] + depth
+    away = plan - shapely.get_coordinates(beneath.centroid)
+    outward = np.einsum("ij,ij->i", normals[down, :2], away) > 0.0
+    near = shapely.distance(beneath, shapely.points(plan)) <= np.where(outward, wide, depth)
+    return Terrain(terrain.vertices, np.delete(terrain.faces, down[near & below], axis=0))
 
 
 def _cleared(terrain: Terrain, bodies: Sequence[Array], radius: float, depth: float) -> Array:

@@ -331,7 +331,10 @@ def test_theta_of_rows_of_one_outcome_has_no_end_that_no_run_gives():
     pga = np.array([0.1, 0.2, 0.4, 0.8])
     one, none = [0, 0, 1, 1], [np.nan] * 4
     grid = [[0] * 4, none, *[one] * 4, none, *[one] * 4, none, [1] * 4]
-    theta = fit_all(pga, 0.1 * np.arange(1, 14), grid).model("lognormal").parameters[0]
+    model = fit_all(pga, 0.1 * np.arange(1, 14), grid).model("lognormal")
+    theta = model.parameters[0]
+    for median in (model.median, model.median_lower, model.median_upper):
+        assert (median[0], median[-1]) == (np.inf, 0.0)
     np.testing.assert_array_equal(theta.upper == np.inf, np.arange(13) < 2)
     np.testing.assert_array_equal(theta.lower == 0.0, np.arange(13) > 10)
     assert (theta.lower[0], theta.upper[-1]) == pytest.approx((0.8, 0.1))

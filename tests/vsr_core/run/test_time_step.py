@@ -132,6 +132,42 @@ def test_where_the_reference_changes_its_mind_no_error_is_smaller(
     assert (row.error == 0.06).all()  # the first of the offsets beyond that
 
 
+def test_a_reference_whose_boundary_is_not_found_speaks_for_no_step(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It is searched within 10 % of that of the coarsest step; all stand or topple alike there."""
+    case = hull(5.0)
+    unit = time_step.step_unit(case.full.rock)
+
+    def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        limit = 12.0 if settings.time_step / unit < 0.5 * LADDER.coarse else 10.0
+        return ending(Outcome.OVERTURNED if motion.pga > limit else Outcome.BALANCED)
+
+    monkeypatch.setattr(time_step, "simulate", fake)
+    assert (measure(case, 0.3, Settings(1.0)).error == WORST).all()
+
+
+@pytest.mark.parametrize("limit", [9.5, 10.5])
+def test_a_boundary_between_the_pulses_nearest_to_what_was_found_hides_no_error(
+    monkeypatch: pytest.MonkeyPatch, limit: float
+) -> None:
+    """The middle of its bracket is up to 0.16 % off: both pulses at 0.125 % may end alike."""
+    case, unsure = hull(5.0), []
+    unit = time_step.step_unit(case.full.rock)
+    for boundary in 10.0 * (1.0 + 0.0002 * np.arange(18)):
+
+        def fake(
+            case: Case, motion: CosinePulse, settings: Settings, at: float = boundary
+        ) -> Response:
+            fine = settings.time_step / unit <= LADDER.second * 1.01
+            from_ = at if fine else limit
+            return ending(Outcome.OVERTURNED if motion.pga > from_ else Outcome.BALANCED)
+
+        monkeypatch.setattr(time_step, "simulate", fake)
+        unsure.append(measure(case, 0.3, Settings(1.0)).error.max())
+    assert min(unsure) >= 0.04
+
+
 @pytest.mark.parametrize(
     ("case", "expected"),
     [

@@ -120,6 +120,19 @@ def test_a_wall_that_leans_over_the_rock_beside_the_seam_stays_out_of_it() -> No
     assert len(ground.faces) == len(scanned.faces)
 
 
+def test_a_wall_whose_foot_lies_below_the_seam_stays() -> None:
+    """It leans over a frustum from 2 cm beside it and 30 cm below."""
+    x, y, z = (axis.ravel() for axis in np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [0.0, 0.6]))
+    body = np.column_stack([x * (0.5 - 0.75 * z), y * (0.5 - 0.75 * z), z])
+    wall = [(0.535 - 0.05 * z, y, z) for y in (-1.0, 1.0) for z in (-0.3, -0.1, 0.1, 0.3)]
+    level = [(x, y, 0.0) for y in (-1.0, 1.0) for x in (-1.5, 0.4)]
+    faces = [[k, 5 + k, 4 + k] for k in range(3)] + [[k, 1 + k, 5 + k] for k in range(3)]
+    scanned = Terrain(np.array(wall + level), np.array([*faces, [8, 9, 11], [8, 11, 10]]))
+    normals = np.cross(*np.diff(scanned.vertices[scanned.faces[:6]], axis=1).swapaxes(0, 1))
+    assert (normals[:, [0, 2]] < 0.0).all()
+    assert len(seat.seat(scanned, [FOOT], body, body, 0.8, "rim").ground.faces) == 8
+
+
 def test_a_foot_that_overhangs_the_ground_and_is_left_with_it_bears_and_holds_nothing() -> None:
     """A block cut off 3 cm above the ground, its foot drawn in below; or folded at the seam."""
     up = np.array([0.0, 0.0, 0.03])
