@@ -123,18 +123,14 @@ def set_down(terrain: Terrain, corners: Array, outer: Array, radius: float) -> t
     InvalidInput
         If ground and rock overlap by more than ``LARGEST_GAP`` of its radius.
     """
-    laid, raised, most = (
-        seat(terrain, (), corners, outer, radius, "whole"),
-        0.0,
-        LARGEST_GAP * radius,
-    )
+    laid, raised, most = (seat(terrain, (), corners, outer, "whole"), 0.0, LARGEST_GAP * radius)
     given = (laid.ground.vertices != terrain.vertices).any(axis=1)
     wide = np.ptp(terrain.vertices[terrain.faces[given[terrain.faces].any(axis=1)]], axis=1)
     if wide.max(initial=0.0) > LARGE_SHARE * np.ptp(outer, axis=0).max():
         needed = MARGIN_SHARE * radius - clearance(terrain, outer)
         if 0.0 < needed <= most:
             raised, above = needed, np.array([0.0, 0.0, needed])
-            laid = seat(terrain, (), corners + above, outer + above, radius, "whole")
+            laid = seat(terrain, (), corners + above, outer + above, "whole")
     if laid.moved > most:
         raise InvalidInput(
             f"ground that reaches into the rock: it would have to move by {laid.moved:.3g} m",

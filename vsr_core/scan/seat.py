@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 import shapely
+import trimesh
 from scipy.spatial import ConvexHull, cKDTree
 
 from vsr_core.arrays import Array, Mask
@@ -107,7 +108,6 @@ def seat(
     loops: Sequence[Array],
     corners: Array,
     outer: Array,
-    radius: float,
     bearing: Bearing,
     pieces: Sequence[Array] = (),
 ) -> Seat:
@@ -118,7 +118,6 @@ def seat(
     loops : sequence of ndarray, shape (n, 3) [m] each, the seams
     corners : ndarray, shape (c, 3) [m], of the hull that is the rock's contact, in the site's frame
     outer : ndarray, shape (d, 3) [m], of the complete hull, which holds the other
-    radius : float [m], of the rock, from its centre of mass
     bearing : "rim" for points along the outline of the seam, a number for so many of them that
         span the largest area about the centre of mass, "whole" for all of the seam
     pieces : sequence of ndarray, each of shape (k, 3) [m], that touch in place of the hull
@@ -128,6 +127,8 @@ def seat(
     InvalidInput
         If the points that can bear have no weight between them, or ground stays in the rock.
     """
+    middle = trimesh.convex.convex_hull(outer).center_mass  # not of the rock, which may be unknown
+    radius = float(np.linalg.norm(outer - middle, axis=1).max())
     beneath = shapely.union_all([shapely.make_valid(shapely.Polygon(loop)) for loop in loops])
     if loops:
         terrain = _without_foot(terrain, loops, beneath, radius)

@@ -81,8 +81,7 @@ def laid(own: Bed, rock: Rock, seated: Rock, bearing: seat.Bearing) -> tuple[sea
     corners, outer = seated.vertices + up, rock.vertices + up
     if own.seams:
         pieces = tuple(piece + up for piece in rock.pieces)
-        found = seat.seat(own.ground, own.seams, corners, outer, rock.radius, bearing, pieces)
-        return found, rock.height
+        return seat.seat(own.ground, own.seams, corners, outer, bearing, pieces), rock.height
     found, raised = set_down(own.ground, corners, outer, rock.radius)
     return found, rock.height + raised
 

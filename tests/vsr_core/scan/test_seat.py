@@ -63,7 +63,7 @@ def test_a_scan_that_is_mirrored_or_turned_bears_at_the_same_points(turned: np.n
     order = slice(None, None, -1 if np.linalg.det(turned) < 0.0 else 1)
     ground = Terrain(light.vertices @ turned.T, light.faces[:, order])
     corners, outer = ((body + up) @ turned.T for body in (own.vertices, rock.vertices))
-    laid = seat.seat(ground, loops, corners, outer, rock.radius, "rim")
+    laid = seat.seat(ground, loops, corners, outer, "rim")
     expected = seated()[1].points @ turned.T
     assert len(laid.points) == len(expected)
     apart = np.linalg.norm(laid.points[:, None] - expected, axis=2)
@@ -78,7 +78,7 @@ def test_a_scan_that_is_finer_on_one_side_stands_as_deep() -> None:
     east = np.unique(hull.simplices[rock.vertices[hull.simplices, 0].min(axis=1) > 0.0], axis=0)
     finer = np.concatenate([rock.vertices, rock.vertices[east[:, :2]].mean(axis=1)])
     loops = seat.seams(made.terrain, made.seat)
-    laid = seat.seat(light, loops, own.vertices + up, finer + up, rock.radius, "rim")
+    laid = seat.seat(light, loops, own.vertices + up, finer + up, "rim")
     ground = seated()[1].ground
     np.testing.assert_allclose(laid.ground.vertices, ground.vertices, atol=1e-7)
 
@@ -94,7 +94,7 @@ def test_ground_beside_the_seam_goes_down_however_small_its_triangles_are(cells:
     faces = first + np.array([[0, 1, cells + 2], [0, cells + 2, cells + 1]])[:, None]
     ground = Terrain(np.column_stack([x, y, 0.0 * x]), faces.reshape(-1, 3))
     corners = own.vertices + np.array([0.0, 0.0, own.height])
-    laid = seat.seat(ground, [FOOT], corners, corners, radius, "rim")
+    laid = seat.seat(ground, [FOOT], corners, corners, "rim")
     depth, wide = seat.DEPTH_SHARE * radius, seat.BANK_SHARE * radius
     for share in (0.4, 0.6, 0.8, 1.5):
         (height,) = laid.ground.surfaces(0.5 + share * wide, 0.1)[0]
@@ -114,7 +114,7 @@ def test_a_wall_that_leans_over_the_rock_beside_the_seam_stays_out_of_it() -> No
     first = (60 * np.arange(40)[:, None] + np.arange(59)).reshape(-1, 1)
     faces = first + np.array([[0, 1, 61], [0, 61, 60]])[:, None]
     scanned = Terrain(np.concatenate(rows), faces.reshape(-1, 3))
-    ground = seat.seat(scanned, [FOOT], body, body, 0.8, "rim").ground
+    ground = seat.seat(scanned, [FOOT], body, body, "rim").ground
     sides = ConvexHull(body).equations
     assert (ground.vertices @ sides[:, :3].T + sides[:, 3]).max(axis=1).min() > 0.0
     assert len(ground.faces) == len(scanned.faces)
@@ -130,7 +130,7 @@ def test_a_wall_whose_foot_lies_below_the_seam_stays() -> None:
     scanned = Terrain(np.array(wall + level), np.array([*faces, [8, 9, 11], [8, 11, 10]]))
     normals = np.cross(*np.diff(scanned.vertices[scanned.faces[:6]], axis=1).swapaxes(0, 1))
     assert (normals[:, [0, 2]] < 0.0).all()
-    assert len(seat.seat(scanned, [FOOT], body, body, 0.8, "rim").ground.faces) == 8
+    assert len(seat.seat(scanned, [FOOT], body, body, "rim").ground.faces) == 8
 
 
 def test_a_foot_that_overhangs_the_ground_and_is_left_with_it_bears_and_holds_nothing() -> None:
@@ -151,7 +151,7 @@ def test_a_foot_that_overhangs_the_ground_and_is_left_with_it_bears_and_holds_no
     bands[2] = bands[2][:, ::-1]  # a fold
     scanned = Terrain(np.concatenate(rings), np.concatenate([*bands, [[16, 17, 18], [16, 18, 19]]]))
     corners = own.vertices + up + np.array([0.0, 0.0, own.height])
-    laid = seat.seat(scanned, [FOOT + up], corners, corners, own.radius, "rim")
+    laid = seat.seat(scanned, [FOOT + up], corners, corners, "rim")
     kept = {tuple(face) for face in laid.ground.faces.tolist()}
     gone = {tuple(face) for face in np.concatenate(bands[1:3]).tolist()}
     assert kept == {tuple(face) for face in scanned.faces.tolist()} - gone
@@ -239,4 +239,4 @@ def test_a_seam_beside_the_weight_bears_nothing() -> None:
     made = prepared(FIELD)[1]
     loops = [loop + np.array([3.0, 0.0, 0.0]) for loop in seat.seams(made.terrain, made.seat)]
     with pytest.raises(InvalidInput, match="not around the weight"):
-        seat.seat(made.terrain, loops, rock.vertices + up, rock.vertices + up, rock.radius, "rim")
+        seat.seat(made.terrain, loops, rock.vertices + up, rock.vertices + up, "rim")

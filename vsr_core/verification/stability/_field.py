@@ -78,9 +78,7 @@ def seated(field: FieldScan, bearing: seat.Bearing = "rim") -> tuple[Rock, seat.
     made, (rock, own, light) = prepared(field)[1], lightened(field)
     up = np.array([0.0, 0.0, rock.height])
     loops = seat.seams(made.terrain, made.seat)
-    return rock, seat.seat(
-        light, loops, own.vertices + up, rock.vertices + up, rock.radius, bearing
-    )
+    return rock, seat.seat(light, loops, own.vertices + up, rock.vertices + up, bearing)
 
 
 @lru_cache(maxsize=2)
