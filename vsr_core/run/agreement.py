@@ -33,6 +33,9 @@ WINDOW, HALVINGS = 0.1, 8
 """Half the range, as a share, in which the reference's boundary is searched, and how often it is
 halved: to less than the nearest pulses are apart, as both would else end alike beside it."""
 
+WINDOWS = 5
+"""Such ranges looked at, each about the end of the one before at which the boundary was."""
+
 STRONGEST = 4.0 * GRAVITY
 """Strongest pulse tried [m/s^2]."""
 
@@ -87,13 +90,16 @@ def by_references(
     case: Case | TerrainCase, coarse: Topples, searched: Sequence[Topples], asked: Sequence[Topples]
 ) -> Answer:
     """Tell what is right on a row by references alone, of toppling or of another event."""
-    limits = case.static_limits
+    limits, margin = case.static_limits, 1.5 * 0.5**HALVINGS
     near = halved(coarse, 0.9 * min(-limits[0], limits[1]), STRONGEST, 9).middle
-    ends = (1.0 - WINDOW) * near, (1.0 + WINDOW) * near
-    found = [halved(reference, *ends, HALVINGS).middle for reference in searched]
-    boundary = float(np.mean(found))
-    margin = WINDOW * (1.0 - 1.5 * 0.5**HALVINGS)
-    if any(abs(one / near - 1.0) > margin for one in found):  # at an end: it may lie beyond
+    for _ in range(WINDOWS):
+        ends = (1.0 - WINDOW) * near, (1.0 + WINDOW) * near
+        found = [halved(reference, *ends, HALVINGS).middle for reference in searched]
+        boundary = float(np.mean(found))
+        if all(abs(one / near - 1.0) < WINDOW * (1.0 - margin) for one in found):
+            break
+        near = boundary  # at an end: it may lie beyond
+    else:
         return Answer(_reached(boundary), lambda pga: frozenset(), exact=False, spread=WINDOW)
 
     def passing(pga: float) -> frozenset[bool]:
