@@ -123,7 +123,7 @@ def set_down(terrain: Terrain, corners: Array, outer: Array, radius: float) -> t
     InvalidInput
         If ground and rock overlap by more than ``LARGEST_GAP`` of its radius.
     """
-    laid, raised, most = (seat(terrain, (), corners, outer, "whole"), 0.0, LARGEST_GAP * radius)
+    laid, raised, most = seat(terrain, (), corners, outer, "whole"), 0.0, LARGEST_GAP * radius
     given = (laid.ground.vertices != terrain.vertices).any(axis=1)
     wide = np.ptp(terrain.vertices[terrain.faces[given[terrain.faces].any(axis=1)]], axis=1)
     if wide.max(initial=0.0) > LARGE_SHARE * np.ptp(outer, axis=0).max():
