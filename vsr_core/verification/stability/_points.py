@@ -13,7 +13,7 @@ from vsr_core.engines.mujoco import add_body
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.rock.body import Rock
 
-SPHERE_SHARE = 1e-3
+SPHERE_SHARE = 1e-4
 """Radius of the sphere that a point is, as a share of the rock's."""
 
 CONTACTS = ((2e-4, 4.0), (4e-4, 4.0), (2e-4, 2.0), (2e-4, 8.0))
