@@ -16,7 +16,7 @@ import mmap
 import os
 import stat
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
@@ -193,8 +193,12 @@ def is_comment(line: str) -> bool:
         return True
 
 
-def table(path: Path, lines: str) -> list[dict[str, str]]:
+def table(path: Path, lines: str, named: Callable[[str], str] = str.strip) -> list[dict[str, str]]:
     """Rows of a table by its names, separated by commas; lines that begin with # are left out.
+
+    Parameters
+    ----------
+    named : function, from how a column is written to its name
 
     Raises
     ------
@@ -213,7 +217,7 @@ def table(path: Path, lines: str) -> list[dict[str, str]]:
     except csv.Error as error:
         given = f"a table that cannot be read ({error})"
         raise refused(path, "", given, "it is a table in CSV") from None
-    names = rows[0] if rows else []
+    names = [named(name) for name in rows[0]] if rows else []
     if twice := [name for name, times in Counter(names).items() if times > 1]:
         raise refused(path, twice[0], "a column twice", "a column has a name of its own")
     for number, row in enumerate(rows[1:], start=1):

@@ -41,7 +41,7 @@ SUFFIXES = (".hdf5", ".h5")
 
 _STORED = "hcurves-rlzs"
 _NAME = re.compile(r"hazard_curve-(mean|rlz-(\d+))-(\w+?)(?:_\d+)?\.csv")
-YEARS = re.compile(r"investigation_time\s*=\s*([^\s,'\"]+)")
+YEARS = re.compile(r"\binvestigation_time\s*=\s*([^\s,'\"]+)")
 _MEASURE = re.compile(r"imt\s*=\s*['\"]*([A-Za-z]+(?:\([^)]*\))?)")
 _KIND = re.compile(r"kind\s*=\s*['\"]*([\w.-]+)")
 _LEVEL = re.compile(r"([A-Za-z]\w*(?:\([^)]*\))?)-(.+)")
@@ -248,20 +248,20 @@ def _curves(folder: Path) -> dict[tuple[int, str], tuple[Path, GivenCurve]]:
 def _curve(path: Path, kind: str, measure: str) -> GivenCurve:
     lines = text(path)
     header = _header(lines)
-    years = YEARS.search(header)
-    if not years:
+    years = sorted(set(YEARS.findall(header)))
+    if len(years) != 1:
         rule = "the first line gives the years of the probabilities"
-        raise refused(path, "investigation_time", "nothing", rule)
+        raise refused(path, "investigation_time", " and ".join(years) or "nothing", rule)
     for key, pattern, named in (("imt", _MEASURE, measure), ("kind", _KIND, kind)):
         if (stated := pattern.search(header)) and stated[1] != named:
             rule = f"the file name says {named}"
             raise refused(path, key, stated[1], rule, "rename the file, or export it again")
-    sites = table(path, lines)
+    sites = table(path, lines, _untyped)
     if len(sites) != 1:
         given = f"{len(sites)} sites"
         rule, remedy = "all curves are of one site", "export the curves of the rock's site only"
         raise refused(path, "lon, lat", given, rule, remedy)
-    cells = {name.split(":")[0]: cell for name, cell in sites[0].items()}
+    cells = sites[0]
     levels = {name: found for name in cells if (found := _LEVEL.fullmatch(name))}
     for name in cells:
         of = levels[name][1] if name in levels else ""
@@ -273,7 +273,7 @@ def _curve(path: Path, kind: str, measure: str) -> GivenCurve:
         GivenCurve,
         {
             "measure": measure,
-            "years": years[1],
+            "years": years[0],
             **{name: cells[name] for name in ("lon", "lat") if name in cells},
             "levels": [found[2] for found in levels.values()],
             "values": [cells[name] for name in levels],
@@ -290,11 +290,13 @@ def realizations(folder: Path) -> list[Realization]:
         rule, remedy = "one file has the weights", "export it from the same calculation"
         raise refused(folder, "realizations", given, rule, remedy)
     (path,) = files
-    cells = [
-        {_OLDER.get(plain := name.split(":")[0], plain): cell for name, cell in row.items()}
-        for row in table(path, text(path))
-    ]
+    cells = table(path, text(path), lambda name: _OLDER.get(_untyped(name), _untyped(name)))
     return rows(path, Realization, cells, once=("rlz_id",))
+
+
+def _untyped(name: str) -> str:
+    """Name of a column, ``poe-0.005:float32`` without the type of its numbers."""
+    return name.split(":")[0]
 
 
 def _header(lines: str) -> str:

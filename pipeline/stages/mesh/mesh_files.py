@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
 from pipeline.config.outside import check_regular
+from pipeline.workflow.grammar import listed
 from vsr_core.errors import InvalidInput, reason
 
 if TYPE_CHECKING:
@@ -38,7 +40,11 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     kind = path.suffix[1:].lower()
     try:
         with path.open("rb") as file:
+            if kind == "glb":
+                _require_plain_gltf(file)
             mesh = trimesh.load(file, file_type=kind, resolver={}, force="mesh", process=False)
+    except InvalidInput:
+        raise
     except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)
         raise InvalidInput(
             f"a file that cannot be read ({reason(error)})", "it is a mesh", "export it again"
@@ -52,6 +58,19 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
         remedy = f"export it in metres, or say rock.scale: {unit[:-2]} of a rock"
         raise InvalidInput(f"a unit of {unit} in the file", "it is the metre", remedy)
     return mesh.apply_scale(scale)
+
+
+def _require_plain_gltf(file: BinaryIO) -> None:
+    """Refuse what trimesh passes over: coordinates that are replaced, packed or made integers."""
+    length = int.from_bytes(file.read(16)[12:], "little")
+    scene = json.loads(file.read(length + 4)[4:])
+    file.seek(0)
+    needed = [f"extension {name}" for name in scene.get("extensionsRequired", ())]
+    if any("sparse" in accessor for accessor in scene.get("accessors", ())):
+        needed.append("sparse accessors")
+    if needed:
+        given = f"a glTF file that needs {listed(needed)}"
+        raise InvalidInput(given, "its coordinates are plain", "export it without, or as .ply")
 
 
 def _require_faces_of_vertices(mesh: trimesh.Trimesh) -> None:

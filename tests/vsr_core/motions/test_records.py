@@ -69,6 +69,8 @@ def test_at2_that_breaks_its_word_is_refused() -> None:
     refusal(lambda: read_at2(spectrum, None), "SPECTRUM", "TIME SERIES")
     refusal(lambda: read_at2(text, "m/s2"), "motion.unit m/s2", "in G")
     refusal(lambda: read_at2(text[:-20] + "word\n", None), "word", "numbers")
+    for unit in ("MSEC", "MIN", "ms"):
+        refusal(lambda other=unit: read_at2(text.replace("SEC", other), None), "DT is in seconds")
 
 
 def test_cosmos_with_several_channels() -> None:
@@ -567,6 +569,18 @@ def test_a_miniseed_may_have_records_without_data(place: int | None) -> None:
     np.testing.assert_array_equal(
         read(more, ".mseed", how).acceleration, read(whole, ".mseed", how).acceleration
     )
+
+
+@pytest.mark.parametrize("late", [0.4, -0.3, 0.1])
+def test_records_that_drift_from_their_rate_are_refused(late: float) -> None:
+    obspy = pytest.importorskip("obspy")
+    waves = io.BytesIO()
+    for first in range(0, 400, 20):
+        begun = obspy.UTCDateTime(2020, 1, 1) + first * STEP * (1.0 + late / 20.0)
+        about = {"delta": STEP, "channel": "HNE", "starttime": begun}
+        obspy.Trace(VALUES[first : first + 20], about).write(waves, format="MSEED", reclen=512)
+    told = f"HNE that begin {19 * late:+.1f} samples off their rate"
+    refusal(lambda: read(waves.getvalue(), ".mseed", Reading(unit="m/s2")), told)
 
 
 def test_obspys_broken_examples_are_refused() -> None:

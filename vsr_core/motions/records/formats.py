@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from vsr_core.errors import InvalidInput, reason
-from vsr_core.motions.records import columns, text_files
+from vsr_core.motions.records import columns, miniseed, text_files
 from vsr_core.motions.records.directions import of_stream
 from vsr_core.motions.records.instrument_response import Corners, without_response
 from vsr_core.motions.records.record import (
@@ -58,7 +58,7 @@ def read_waveforms(
             # By name: left to find out, ObsPy tries Python's pickles too, which run what they hold.
             stream = obspy.read(io.BytesIO(content), format=kind)
             if kind == "MSEED":
-                _check_miniseed(content)
+                miniseed.check(content)
             if kind == "SACXY" and not content.endswith(b"\n"):
                 given = "a SAC file of text whose last line has no end"
                 raise InvalidInput(given, "it is whole", "download it again, or end the line")
@@ -78,25 +78,6 @@ def read_waveforms(
         raise _unreadable(error) from None
     repairs = (*record.repairs, *doubts, *_warnings(caught))
     return replace(record, repairs=repairs, directions=directions)
-
-
-def _check_miniseed(content: bytes) -> None:
-    """Refuse bytes that are not one SEED record after the other: ObsPy passes over others."""
-    from obspy.io.mseed import util  # type: ignore[import-not-found,import-untyped,unused-ignore]
-
-    whole, end = io.BytesIO(content), 0
-    while end < len(content) and _MINISEED.match(content, end):
-        blank = _BLANK.match(content, end)  # a record without data
-        if blank:
-            length = len(blank[0])
-        else:
-            length = util.get_record_information(whole, end)["record_length"]
-        if length & (length - 1):
-            break  # all are of powers of two
-        end += length
-    if end != len(content):
-        given = f"a miniSEED file of {len(content)} bytes whose records end at byte {end}"
-        raise InvalidInput(given, "it is whole records", "download it again")
 
 
 _SAC_OTHER = {6: "displacement", 7: "velocity", 50: "volts"}
@@ -367,14 +348,9 @@ def _text(content: bytes) -> str:
         return content.decode("latin-1").translate(_BREAKS)
 
 
-_BLANK = re.compile(rb"[0-9]{6}D {41,}")
-_MINISEED = re.compile(rb"([0-9]{6}[DRQM]|[ \0]{6}[DRQM][ \0](?=.{0,56}\0))", re.DOTALL)
-"""The begin of a record: its number, or blanks where it has none, and its quality."""
-
-
 def _waveform(content: bytes, suffix: str) -> str | None:
     """ObsPy's name of the format of a file that it reads."""
-    if _MINISEED.match(content):
+    if miniseed.BEGIN.match(content):
         return "MSEED"
     if content.startswith(b"Origin Time"):
         return "KNET"

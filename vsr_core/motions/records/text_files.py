@@ -40,6 +40,7 @@ _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)"
 _NAMED = re.compile(rf"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*{_NUMBER}", re.IGNORECASE)
 _PLAIN = re.compile(rf"^\s*(\d+)\s+{_NUMBER}\s+NPTS\s*,\s*DT", re.IGNORECASE)
 _UNIT = re.compile(r"IN UNITS OF\s+(\S+)", re.IGNORECASE)
+_SECONDS = re.compile(r"\s*+(SEC|S\b|[^A-Z]|$)", re.IGNORECASE)
 _WORD = re.compile(r"\S+")
 _UPWARD = re.compile(r"(?:.*[\W_])?[UV]\d?\s*(?:\(.*)?", re.IGNORECASE)
 """Components that PEER NGA calls vertical, where other files may have u and v to the sides."""
@@ -81,6 +82,9 @@ def read_at2(text: str, unit: str | None) -> Record:
         given = f"an AT2 file whose third line is {quantity[:40]!r}"
         rule = "it says ACCELERATION TIME SERIES IN UNITS OF G"
         raise InvalidInput(given, rule, "use the acceleration (.AT2), not velocity or displacement")
+    if not _SECONDS.match(lines[3], found.end()):
+        said = lines[3][found.start() :].strip()
+        raise InvalidInput(f"an AT2 file that says {said[:40]!r}", "DT is in seconds", "change it")
     number, interval = float(found[1]), float(found[2].upper().replace("D", "E"))
     check_sampling(interval, number)
     in_file = _UNIT.search(quantity)

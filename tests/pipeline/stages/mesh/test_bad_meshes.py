@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -181,6 +183,27 @@ def test_file_cut_short(tmp_path: Path, refused: Refused, kind: str) -> None:
     words = (str(where), "rock.mesh", f"rock.{kind}")
     page = "prep.html" if kind == "obj" else ""  # of which the rest can be read and shown
     refused("run", "rock", "--site", where, words=words, page=page)
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ({"extensionsRequired": ["KHR_mesh_quantization"]}, "extension KHR_mesh_quantization"),
+        ({"accessors": [{"sparse": {}}]}, "sparse accessors"),
+    ],
+)
+def test_coordinates_that_trimesh_passes_over(
+    tmp_path: Path, refused: Refused, more: dict[str, Any], told: str
+) -> None:
+    content = ball().export(file_type="glb")
+    length = int.from_bytes(content[12:16], "little")
+    text = json.dumps(json.loads(content[20 : 20 + length]) | more).encode()
+    text += b" " * (-len(text) % 4)
+    sizes = len(content) - length + len(text), len(text)
+    head = b"glTF" + b"".join(n.to_bytes(4, "little") for n in (2, *sizes)) + content[16:20]
+    (tmp_path / "rock.glb").write_bytes(head + text + content[20 + length :])
+    where = site(tmp_path, "rock.glb")
+    refused("run", "rock", "--site", where, words=("rock.mesh", "rock.glb", told, "plain"))
 
 
 def test_missing_file(tmp_path: Path, refused: Refused) -> None:
