@@ -100,8 +100,8 @@ def bootstrap(model: FragilityModel, n: int, seed: int = 0) -> Bootstrap:
 
     The runs of a row share one motion shape and are not independent, so the row is the unit.
     On a deterministic grid the interval shows how far the answer depends on which rows were
-    run; for the lognormal model also on where in its grid interval each threshold lies (see
-    `LognormalFragility.resample`). It does not hold the error of the simulation.
+    run; for the lognormal model, whose rows need no other, where in its interval each threshold
+    may lie (see `LognormalFragility.resample`). It does not hold the error of the simulation.
 
     Parameters
     ----------

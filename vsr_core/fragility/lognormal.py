@@ -61,11 +61,11 @@ class LognormalFragility(FragilityModel):
         # the interval of ln theta; for overlapping rows filled in below
         low, high = (np.array(side) for side in list(zip(*rows, strict=True))[1:])
         ln_theta, ln_beta = (low + high) / 2, np.log((high - low) / np.sqrt(12.0))
-        self._ln_theta_se = np.zeros(len(rows))
+        self._errors = np.zeros((len(rows), 2))  # standard, of ln theta and ln beta
         overlap = np.flatnonzero(status == "probit")
         if overlap.size:
             fitted = self._probit(overlap)
-            ln_theta[overlap], ln_beta[overlap], self._ln_theta_se[overlap], flat = fitted
+            ln_theta[overlap], ln_beta[overlap], self._errors[overlap], flat = fitted
             status[overlap[flat]] = "flat"
         self._ends = low, high
         self._half_width = np.where(status == "interval", (high - low) / 2, 0.0)
@@ -78,19 +78,28 @@ class LognormalFragility(FragilityModel):
 
     def refit(self, row_weights: Array) -> Array:
         """Interpolate again from the rows of positive weight only: no row's curve needs another."""
-        return self._interpolated(row_weights, 0.0, self.cells.usable)
+        values = np.repeat(self._row_values[None], len(row_weights), axis=0)
+        for member, weights in zip(values, row_weights, strict=True):
+            kept = (weights > 0) & self.cells.usable
+            self._fill(member, ~kept, kept)
+        return values
 
     def resample(self, row_weights: Array, rng: np.random.Generator) -> Array:
-        """Interpolate again, with ln theta of each kept row drawn from what the row leaves open.
+        """Each row drawn from what it leaves open; what is resampled fills rows without a verdict.
 
-        Resampling rows alone would show the error of interpolation and nothing else. The draw is
-        uniform on the row's grid interval, or normal with the standard error of its fit. Rows that
-        are left out go by rows with both outcomes, if there are: theta of others is an assumption.
+        Ln theta is uniform on the row's interval, or normal with the standard error of its fit, as
+        is ln beta. Others are filled by rows with both outcomes: theta of others is an assumption.
         """
-        drawn = self._half_width * rng.uniform(-1.0, 1.0, row_weights.shape)
-        drawn += self._ln_theta_se * rng.standard_normal(row_weights.shape)
-        closed = self.cells.usable & ~np.isin(self.status, ("above", "below"))
-        return self._interpolated(row_weights, drawn, closed)
+        shape, usable = row_weights.shape, self.cells.usable
+        values = np.repeat(self._row_values[None], len(row_weights), axis=0)
+        values[..., 0] += self._half_width * rng.uniform(-1.0, 1.0, shape)
+        values += self._errors * rng.standard_normal((*shape, 2))
+        closed = usable & ~np.isin(self.status, ("above", "below"))
+        closed = closed if closed.any() else usable
+        for member, weights in zip(values, row_weights, strict=True):
+            kept = closed & (weights > 0)
+            self._fill(member, ~usable, kept if kept.any() else closed)
+        return values
 
     def named(self, coefs: Array) -> dict[str, Array]:
         with np.errstate(over="ignore"):  # open above where an outcome hardly depends on PGA
@@ -126,21 +135,11 @@ class LognormalFragility(FragilityModel):
         above, below = (np.equal(self.status, name) for name in ("above", "below"))
         return np.where(above, np.inf, np.where(below, 0.0, level))
 
-    def _interpolated(self, row_weights: Array, drawn: Array | float, sources: Mask) -> Array:
-        """Rows' values, with `drawn` added to ln theta, as those of positive weight leave them.
-
-        Others go by the `sources` among them, if there are; rows of one PGV/PGA count alike.
-        """
+    def _fill(self, values: Array, rows: Mask, by: Mask) -> None:
+        """Interpolate the values, shape (n_ratio, 2), of rows; those of one PGV/PGA count alike."""
         ln_ratio = self.cells.ln_ratio
-        values = np.repeat(self._row_values[None], len(row_weights), axis=0)
-        values[..., 0] += drawn
-        for member, weights in zip(values, row_weights, strict=True):
-            kept = (weights > 0) & self.cells.usable
-            by = kept & sources if (kept & sources).any() else kept
-            for column in range(2):
-                known = _means(ln_ratio[by], member[by, column])
-                member[~kept, column] = np.interp(ln_ratio[~kept], *known)
-        return values
+        for column in values.T:
+            column[rows] = np.interp(ln_ratio[rows], *_means(ln_ratio[by], column[by]))
 
     def _threshold(self, row: int) -> tuple[str, float, float]:
         """Status of a row and its interval of ln theta (NaN where there is none)."""
@@ -173,7 +172,7 @@ class LognormalFragility(FragilityModel):
         return ("below", high - further, high) if np.isnan(low) else ("interval", low, high)
 
     def _probit(self, rows: Indices) -> tuple[Array, Array, Array, Mask]:
-        """Maximum likelihood of the given rows: ln theta, ln beta, s.e. of ln theta, flat."""
+        """Maximum likelihood of the given rows: ln theta, ln beta, their errors, flat."""
         ln_pga = self.cells.ln_pga
         centre = ln_pga.mean()
         centred = ln_pga - centre
@@ -192,11 +191,12 @@ class LognormalFragility(FragilityModel):
         )
         b0, b1 = np.where(flat, level[:, 0], free[:, 0]), np.where(flat, slope, free[:, 1])
         information = _information(b0[:, None] + b1[:, None] * centred, trials)[0]
-        # delta method: ln theta = -b0/b1; a flat row's slope is not estimated
+        # delta method: ln theta = -b0/b1, ln beta = -ln b1; a flat row's slope is not estimated
         fisher = np.einsum("ri,ij,ik->rjk", information, both, both)
-        gradient = np.stack([-1.0 / b1, np.where(flat, 0.0, b0 / b1**2)], axis=1)
-        error = np.sqrt(np.einsum("ri,rij,rj->r", gradient, np.linalg.pinv(fisher), gradient))
-        return centre - b0 / b1, -np.log(b1), error, flat
+        by_slope = np.where(flat, 0.0, [b0 / b1**2, -1.0 / b1])
+        gradient = np.stack([np.stack([-1.0 / b1, np.zeros_like(b1)]), by_slope], axis=2)
+        variance = np.einsum("kri,rij,krj->rk", gradient, np.linalg.pinv(fisher), gradient)
+        return centre - b0 / b1, -np.log(b1), np.sqrt(variance), flat
 
 
 def _means(places: Array, values: Array) -> tuple[Array, Array]:

@@ -298,14 +298,16 @@ def limits_on_seat(scene: Scene, time_step: float, engine: str = "bullet") -> tu
 def held_toward(scene: Scene, time_step: float, engine: str = "bullet") -> Array:
     """Directions in which walls hold a rock on its seat against any steady shaking.
 
+    They do so without friction: points that friction wedges may hold it, and need not.
+
     Returns
     -------
     ndarray, shape (k,) [rad], counter-clockwise from +x, of twelve, toward which the rock would go
     """
-    footing, friction = _footing(scene, time_step, engine), scene.contact.friction
+    footing = _footing(scene, time_step, engine)
     turns = np.radians(np.arange(0.0, 180.0, 30.0))
     ways = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(len(turns))])
-    limits = np.array([static_limits.on_points(*footing, friction, way) for way in ways])
+    limits = np.array([static_limits.on_points(*footing, 0.0, way) for way in ways])
     # a table that goes one way leaves the rock behind, the other way
     return np.concatenate([turns[np.isinf(limits[:, 0])], math.pi + turns[np.isinf(limits[:, 1])]])
 

@@ -57,7 +57,7 @@ def make(
     whole = seating.whole_ground(data)
     starts = [scene.start for scene in scenes if scene.start is not None]
     dataset = _dataset(whole, laid, terrain, starts).assign_coords(friction=list(contact.friction))
-    seat_note, held_note = _bears(laid, height - rock.height), _holds(held, contact.friction[0])
+    seat_note, held_note = _bears(laid, height - rock.height), _holds(held)
     dataset.attrs["origin_in_scan"] = data.attrs["origin_in_scan"]
     dataset.attrs |= {"seat": seat_note, "held": held_note}
     if held_note:
@@ -83,14 +83,14 @@ def _bears(laid: seat.Seat, raised: float) -> str:
     return f"{bears or 'all of the seam bears the rock'}; {moved}"
 
 
-def _holds(toward: Array, friction: float) -> str:
+def _holds(toward: Array) -> str:
     """What holds a rock that no steady shaking moves, in words; empty where none does."""
     if not len(toward):
         return ""
     ways = ", ".join(f"{round(way)}" for way in np.degrees(toward))
     return (
-        f"walls beside the seat hold the rock at friction {friction:g}: no steady acceleration "
-        f"moves it toward {ways} deg (counter-clockwise from +x)"
+        "walls beside the seat hold the rock: no steady acceleration moves it toward "
+        f"{ways} deg (counter-clockwise from +x)"
     )
 
 

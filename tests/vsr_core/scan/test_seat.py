@@ -158,11 +158,11 @@ def test_a_foot_that_overhangs_the_ground_and_is_left_with_it_bears_and_holds_no
 
 
 def test_walls_that_hold_it_are_named() -> None:
-    """A block between two walls, which may squeeze it as hard as they like, and open ground."""
+    """A block between two walls, along which friction alone might hold it, and open ground."""
     rock = solid.box((1.0, 1.0, 2.0), 2700.0).rock
     hollow = groove(0.4999, 1.5)
     held = displacement.held_toward(resting(rock, hollow), longest_step(rock), "nonsmooth")
-    assert sorted(np.degrees(held).round()) == list(range(0, 360, 30))
+    assert sorted(np.degrees(held).round()) == [0, 180]
     limits = displacement.limits_on_seat(resting(rock, hollow), longest_step(rock), "nonsmooth")
     assert limits == (0.0, 0.0)  # nothing is left out for that: runs are stepped
     rock, laid = seated()
