@@ -109,10 +109,16 @@ class Standing:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """A terrain as runs take it, and the rock's state of rest on it at each friction."""
+    """A terrain as runs take it, and the rock's state of rest on it at each friction.
+
+    Attributes
+    ----------
+    whole_seam : bool, whether all of the seam bears the rock, all of which has to touch then
+    """
 
     terrain: Terrain
     starts: tuple[State, ...]
+    whole_seam: bool = False
 
     @classmethod
     def load(cls, store: Store) -> Ground:
@@ -120,10 +126,11 @@ class Ground:
         data = TerrainData.load(store).data
         faces = data["contact_face"].values.astype(np.int64)
         terrain = Terrain(data["contact_vertex"].values, faces)
-        return cls.of(terrain, data["start_position"].values, data["start_quaternion"].values)
+        places, turns = data["start_position"].values, data["start_quaternion"].values
+        return cls.of(terrain, places, turns, whole_seam=bool(data.attrs["whole_seam"]))
 
     @classmethod
-    def of(cls, terrain: Terrain, places: Array, turns: Array) -> Ground:
+    def of(cls, terrain: Terrain, places: Array, turns: Array, *, whole_seam: bool) -> Ground:
         """A terrain, and states of rest on it as they are stored.
 
         Parameters
@@ -134,4 +141,5 @@ class Ground:
         still = np.zeros(3)
         rotations = Rotation.from_quat(turns).as_matrix()
         starts = zip(places, rotations, strict=True)
-        return cls(terrain, tuple(State(place, turn, still, still) for place, turn in starts))
+        rests = tuple(State(place, turn, still, still) for place, turn in starts)
+        return cls(terrain, rests, whole_seam)

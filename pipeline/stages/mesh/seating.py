@@ -10,6 +10,7 @@ import xarray as xr
 
 from vsr_core.arrays import Array, Mask
 from vsr_core.engines import load
+from vsr_core.rock import reduction
 from vsr_core.rock.body import Rock
 from vsr_core.run.displacement import settled
 from vsr_core.run.time_step import step_unit
@@ -47,14 +48,21 @@ def whole_ground(data: xr.Dataset) -> Terrain:
     return Terrain(data["terrain_vertex"].values, data["terrain_face"].values.astype(np.int64))
 
 
-def bed(data: xr.Dataset, rock: Rock, *, reduce: bool) -> Bed:
-    """The ground of a scan, or of a file of its own, light enough to run on."""
+def bed(data: xr.Dataset, rock: Rock, *, reduce: bool, whole_seam: bool) -> Bed:
+    """The ground of a scan, or of a file of its own, light enough to run on.
+
+    Parameters
+    ----------
+    whole_seam : bool, whether what was not seen bears the rock: it stays as it is then
+    """
     whole = light = whole_ground(data)
     unseen = np.zeros(len(whole.faces), dtype=bool)
     if "terrain_unseen" in data:
         unseen = data["terrain_unseen"].values.astype(bool)
     if reduce:
-        light = coarser(whole, partial(_tolerance, rock), _below(whole, rock) & ~unseen)
+        light = coarser(
+            whole, partial(_tolerance, rock), _below(whole, rock) & (whole_seam | ~unseen)
+        )
     return Bed(light, seat.seams(whole, unseen))
 
 
@@ -84,6 +92,11 @@ def laid(own: Bed, rock: Rock, seated: Rock, bearing: seat.Bearing) -> tuple[sea
         return seat.seat(own.ground, own.seams, corners, outer, bearing, pieces), rock.height
     found, raised = set_down(own.ground, corners, outer, rock.radius)
     return found, rock.height + raised
+
+
+def seated(rock: Rock, *, reduce: bool, whole_seam: bool) -> Rock:
+    """The rock as it stands on its seat in runs: all of it where all of the seam bears it."""
+    return reduction.on_its_seat(rock) if reduce and not whole_seam else rock
 
 
 def longest_step(rock: Rock, engine: str) -> float:

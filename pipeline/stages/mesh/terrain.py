@@ -20,7 +20,6 @@ from pipeline.workflow.engine_input import Engine
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.rock import reduction
 from vsr_core.run.displacement import held_toward
 from vsr_core.scan import seat
 from vsr_core.scene import State
@@ -43,8 +42,9 @@ def make(
     data, rock = found.data, standing.rock
     how = bearing.points if isinstance(bearing, SeatPoints) else bearing
     try:
-        bed = seating.bed(data, rock, reduce=reduce)
-        seated = reduction.on_its_seat(rock) if reduce else rock
+        whole = how == "whole"
+        bed = seating.bed(data, rock, reduce=reduce, whole_seam=whole)
+        seated = seating.seated(rock, reduce=reduce, whole_seam=whole)
         laid, height = seating.laid(bed, rock, seated, how)
         terrain = laid.terrain
         scenes = [
@@ -54,15 +54,17 @@ def make(
         held = held_toward(scenes[0], seating.longest_step(rock, engine.name), engine.name)
     except InvalidInput as error:
         raise _refusal(work.origin, error, own_file=scan is None) from None
-    whole = seating.whole_ground(data)
+    complete = seating.whole_ground(data)
     starts = [scene.start for scene in scenes if scene.start is not None]
-    dataset = _dataset(whole, laid, terrain, starts).assign_coords(friction=list(contact.friction))
+    dataset = _dataset(complete, laid, terrain, starts).assign_coords(
+        friction=list(contact.friction)
+    )
     seat_note, held_note = _bears(laid, height - rock.height), _holds(held)
     dataset.attrs["origin_in_scan"] = data.attrs["origin_in_scan"]
-    dataset.attrs |= {"seat": seat_note, "held": held_note}
+    dataset.attrs |= {"seat": seat_note, "held": held_note, "whole_seam": int(whole)}
     if held_note:
         work.log(f"{work.stage}: {held_note}")
-    note = f"{len(whole.faces)} faces, {len(terrain.faces)} of which stand for it in runs"
+    note = f"{len(complete.faces)} faces, {len(terrain.faces)} of which stand for it in runs"
     return Product(
         {TerrainData.FILE: netcdf(described(dataset, work, "Terrain"))}, f"{note}; {seat_note}"
     )

@@ -10,6 +10,7 @@ from pipeline.config import in_si
 from pipeline.config.layers import Origin, Site
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.schema import COMPILED, SceneSettings
+from pipeline.stages.mesh import seating
 from pipeline.stages.mesh.products import Ground, Standing
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Shaking
@@ -68,7 +69,11 @@ class Scenes:
     @cached_property
     def seated_rock(self) -> Rock:
         """The rock as it stands on its seat in runs."""
-        return reduction.on_its_seat(self.rock) if self.settings.simulation.reduce else self.rock
+        whole, reduce = (
+            bool(self.ground and self.ground.whole_seam),
+            self.settings.simulation.reduce,
+        )
+        return seating.seated(self.rock, reduce=reduce, whole_seam=whole)
 
     @cached_property
     def flying_rock(self) -> Rock:
@@ -169,7 +174,7 @@ def _ground_identity(ground: Ground) -> str:
     starts = (array for start in ground.starts for array in (start.position, start.rotation))
     terrain = ground.terrain
     arrays = (terrain.vertices, terrain.faces, *starts)
-    return keys.digest_bytes(*(array.tobytes() for array in arrays))
+    return keys.digest_bytes(*(array.tobytes() for array in arrays), bytes([ground.whole_seam]))
 
 
 class LeftOut(NamedTuple):

@@ -164,10 +164,14 @@ def draws(
     numbers : sequence of int, of the rocks drawn; their shaking is drawn anew, one by one
     """
     given, reduce = study.scenes.standing, study.settings.simulation.reduce
-    bed = seating.bed(scan.data, given.rock, reduce=reduce) if scan else None
     count = max(*numbers, len(numbers)) + 1
     wanted, found = seats.chosen(config.seat, count), []
-    as_drawn = given.rock.shape == "hull" and bed is None
+    beds = {
+        whole: seating.bed(scan.data, given.rock, reduce=reduce, whole_seam=whole)
+        for whole in {bearing == "whole" for bearing in wanted}
+        if scan
+    }
+    as_drawn = given.rock.shape == "hull" and scan is None
     known = priors(config if as_drawn else config.model_copy(update={"inset": (0.0, 0.0)}))
     members = physics.draws(known, count)
     with threadpool_limits(1):  # products of some corners: threads would only wait for each other
@@ -177,11 +181,13 @@ def draws(
             settings = study.settings.with_contact(**contact)
             seat = None
             try:
-                if bed is None:
+                if scan is None:
                     rock = _rock(given.rock, shape, member, density)
                 else:
                     rock = seats.weighed(given.rock, member.centre)
-                    seat = seats.drawn(bed, rock, member, wanted[own], settings, config)
+                    seat = seats.drawn(
+                        beds[wanted[own] == "whole"], rock, member, wanted[own], settings, config
+                    )
             except InvalidInput as error:
                 file = origin.file_of("uncertainty")
                 raise InputError.from_invalid(file, "uncertainty", error) from None

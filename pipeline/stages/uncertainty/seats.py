@@ -16,7 +16,6 @@ from pipeline.stages.mesh.products import Ground, ScanData, TerrainData
 from pipeline.stages.mesh.seating import Bed
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.rock import reduction
 from vsr_core.rock.body import Rock
 from vsr_core.scan import seat
 from vsr_core.scan.seat import Bearing
@@ -141,11 +140,12 @@ def _rests(
     shift = -centre * [1.0, 1.0, 0.0]
     ground = Terrain(bed.ground.vertices + shift, bed.ground.faces)
     own = Bed(ground, tuple(seam + shift for seam in bed.seams))
-    seated = reduction.on_its_seat(rock) if settings.simulation.reduce else rock
+    whole, reduce = bearing == "whole", settings.simulation.reduce
+    seated = seating.seated(rock, reduce=reduce, whole_seam=whole)
     laid, height = seating.laid(own, rock, seated, bearing)
     contact = in_si.contact(settings.contact, settings.contact.friction[0])
     start = seating.rest(laid.terrain, seated, height, contact, settings.engine).start
     assert start is not None
     turn = Rotation.from_matrix(start.rotation[None]).as_quat()
-    found = Ground.of(laid.terrain, start.position[None], turn)
+    found = Ground.of(laid.terrain, start.position[None], turn, whole_seam=whole)
     return DrawnSeat(bearing, found, outline(laid.points, own.seams, rock))

@@ -131,7 +131,7 @@ def test_the_ground_that_may_bear_a_rock_stays_as_it_was_scanned(
     scanned = xr.Dataset({"terrain_vertex": corners, "terrain_face": faces})
     if together:
         scanned["terrain_unseen"] = ("f", np.zeros(len(sheet.faces), dtype=np.int8))
-    light = seating.bed(scanned, rock, reduce=True).ground
+    light = seating.bed(scanned, rock, reduce=True, whole_seam=False).ground
     assert len(light.faces) < 0.7 * len(sheet.faces)
     for x, y in np.random.default_rng(1).uniform(-0.25, 0.25, (200, 2)):
         np.testing.assert_allclose(light.surfaces(x, y)[0], [np.tan(slope) * x], atol=1e-12)
@@ -141,6 +141,27 @@ def test_the_ground_that_may_bear_a_rock_stays_as_it_was_scanned(
     assert times.max() == 2
     at_border = np.abs(made.vertices[edges[times == 1]][:, :, :2])
     np.testing.assert_allclose(at_border.max(axis=(1, 2)), 3.0)
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_ground_that_nobody_saw_stays_where_all_of_it_bears(whole: bool) -> None:
+    """Where points bear it lies lower in any case, and small waves of it have fewer triangles."""
+    sheet = ground(cells=40)
+    unseen = np.abs(sheet.triangles_center[:, :2]).max(axis=1) < 0.3
+    x, y, _ = sheet.vertices.T
+    sheet.vertices[:, 2] = 0.002 * np.sin(20.0 * x) * np.cos(30.0 * y)
+    scanned = xr.Dataset(
+        {
+            "terrain_vertex": (("v", "xyz"), sheet.vertices),
+            "terrain_face": (("f", "abc"), sheet.faces),
+            "terrain_unseen": ("f", unseen.astype(np.int8)),
+        }
+    )
+    rock = solid.box(SIZE, 2000.0).rock
+    light = seating.bed(scanned, rock, reduce=True, whole_seam=whole).ground
+    kept = {tuple(corner) for corner in light.vertices.tolist()}
+    own = {tuple(corner) for corner in sheet.vertices[np.unique(sheet.faces[unseen])].tolist()}
+    assert (own <= kept) == whole
 
 
 def test_a_rock_that_falls_lies_on_the_slope(tmp_path: Path, vsr: Vsr, derived: Path) -> None:

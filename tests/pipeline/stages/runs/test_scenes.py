@@ -9,6 +9,7 @@ from typing import cast
 
 import numpy as np
 import pytest
+import trimesh
 from support import grounds
 
 from pipeline.config.layers import load_site
@@ -50,6 +51,7 @@ CHANGES: dict[str, Callable[[Ground], Ground]] = {
     "a corner": lambda g: replace(
         g, terrain=replace(g.terrain, vertices=shifted(g.terrain.vertices))
     ),
+    "a seam that bears": lambda g: replace(g, whole_seam=True),
     "a triangle": lambda g: replace(
         g, terrain=replace(g.terrain, faces=np.roll(g.terrain.faces, 1, axis=1))
     ),
@@ -76,6 +78,15 @@ def test_a_friction_more_leaves_the_runs_of_another_as_they_are(tmp_path: Path) 
         study = Study(own, cast(Engine, None), config.yaw, config.motion, nothing, steps)
         found.append(study.scene(study.groups[-1]))
     assert found[0] == found[1] != found[2]
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_all_of_a_rock_touches_a_seam_all_of_which_bears(whole: bool) -> None:
+    """A light hull stands off the ground beside its base, where points do not bear."""
+    ball = solid.from_mesh(trimesh.creation.icosphere(3, 0.5), 2000.0).rock
+    ground = Ground(SEAT, (standing(0.5), standing(0.5)), whole)
+    found = Scenes(CONFIG.scene, Standing(ball, None), ground).seated_rock
+    assert (len(found.vertices) == len(ball.vertices)) == whole
 
 
 def test_a_rock_of_pieces_is_another_one_where_they_touch() -> None:
