@@ -13,6 +13,8 @@ UNEVEN = 0.02
 COARSE = 0.3
 """The same where the times are written with too few digits, at most."""
 
+_ROUNDING = 1e-6
+
 
 def places(times: Array) -> tuple[Indices, float]:
     """Places of ascending times on an even grid, and its step [s]; some may be left out.
@@ -23,6 +25,8 @@ def places(times: Array) -> tuple[Indices, float]:
         If a time is between two places.
     """
     elapsed, written = times - times[0], _printed(times)
+    if complete := _complete(elapsed, float(written.min())):
+        return np.arange(len(times)), complete
     interval = _interval(elapsed, float(written[-1]))
     found = np.rint(elapsed / interval).astype(np.int64)
     late = np.abs(elapsed - found * interval) / interval
@@ -50,6 +54,21 @@ def step(times: Array) -> float:
         given = f"{lost} times left out, after {at:g} s, in steps of {1e3 * interval:.4g} ms"
         raise InvalidInput(given, "each step has its sample", "export it again, or resample it")
     return interval
+
+
+def _complete(elapsed: Array, written: float) -> float | None:
+    """Step [s] of times none of which is left out, to the digits that are ``written``.
+
+    It is a whole number of samples a second or of tenths of a millisecond: any other may be one of
+    these with some left out.
+    """
+    count, end = np.arange(len(elapsed)), float(elapsed[-1])
+    last = len(elapsed) - 1
+    for step in (1.0 / max(round(last / end), 1), round(end / last, 4)):
+        off = (elapsed - count * step) / written
+        if abs(off[-1]) <= 0.5 + _ROUNDING and np.ptp(off) <= 1.0 + _ROUNDING:
+            return step
+    return None
 
 
 def _interval(elapsed: Array, written: float) -> float:

@@ -154,6 +154,26 @@ def test_table_whose_times_are_rounded(form: str) -> None:
     assert len(found.acceleration) == 9000
 
 
+@pytest.mark.parametrize(
+    ("rate", "digits"), [(80.0, 2), (62.5, 2), (200.0 / 3.0, 2), (99.0, 2), (512.0, 3), (800.0, 3)]
+)
+def test_times_of_few_digits_leave_none_out(rate: float, digits: int) -> None:
+    """Their median step is that of another rate; where one is left out, it is told."""
+    rows = [f"{place / rate:.{digits}f},{math.sin(place)}" for place in range(2000)]
+    found = read_table("\n".join(["time,a [m/s2]", *rows]), None, None)
+    assert found.interval == pytest.approx(1.0 / rate, rel=1e-9)
+    np.testing.assert_allclose(found.acceleration, np.sin(np.arange(2000)))
+    assert found.repairs == ()
+
+
+@pytest.mark.parametrize(("place", "number"), [(2, 1001), (400, 1001), (1000, 2000)])
+def test_one_that_is_left_out_is_a_gap_however_few_digits(place: int, number: int) -> None:
+    rows = [f"{0.01 * k:.2f},{math.sin(k)}" for k in range(number) if k != place]
+    found = read_table("\n".join(["time,a [m/s2]", *rows]), None, None)
+    assert found.interval == pytest.approx(0.01)
+    assert np.flatnonzero(np.isnan(found.acceleration)).tolist() == [place]
+
+
 def test_uneven_steps_are_refused_and_left_out_ones_are_gaps() -> None:
     lines = files.csv(VALUES, STEP).splitlines()
     late = [*lines[:50], lines[50].replace(",", "4,"), *lines[51:]]
@@ -164,7 +184,7 @@ def test_uneven_steps_are_refused_and_left_out_ones_are_gaps() -> None:
     found = read_table("\n".join(holes), None, None)
     assert np.flatnonzero(np.isnan(found.acceleration)).tolist() == [49, 50, 51]
     assert "3 time steps were left out" in found.repairs[0]
-    coarse = [f"{t:.5g},0.1" for t in np.arange(9000) * 0.00125]  # 1 ms from 10 s on
+    coarse = [f"{t:.5g},0.1" for t in np.arange(9000) * 0.00137]  # 1 ms from 10 s on
     refusal(lambda: read_table("\n".join([lines[0], *coarse]), None, None), "time steps")
     turned = [lines[0], *reversed(lines[1:])]
     refusal(lambda: read_table("\n".join(turned), None, None), "not increasing")
@@ -405,6 +425,8 @@ def test_response_of_obspys_example_is_removed(tmp_path: Path) -> None:
         (b"<Value>1500.0<", b"<Value>150000.0<", "100 times the sensitivity"),
         (b"<Value>1500.0<", b"<Value>NaN<", "nan times the sensitivity"),
         (b"<Name>M/S<", b"<Name>PA<", "an instrument in PA"),
+        (b"<Name>M/S<", b"<Name>M/S^2<", "an instrument in M/S^2"),
+        (b"<Name>M/S<", b"<Name>CM/SEC**2<", "an instrument in CM/SEC**2"),
     ):
         assert old in how.response
         other = replace(how, response=how.response.replace(old, new))
@@ -661,6 +683,8 @@ def test_a_motion_taken_as_it_was_made_rests_in_the_end() -> None:
     for values in (VALUES, push, VALUES + 0.005 * np.abs(VALUES).max()):
         check_end(Trace(values, STEP))
     refusal(lambda: check_end(Trace(VALUES + 3.0, STEP)), "ends with 0.3", "offset")
+    share = 0.05 * float(np.abs(VALUES).max())
+    refusal(lambda: check_end(Trace(VALUES + share, STEP)), "ends with 0.012 g", "offset")
 
 
 def test_units() -> None:

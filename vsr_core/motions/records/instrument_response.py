@@ -63,8 +63,11 @@ def _with_ends(values: Array, number: int) -> Array:
     return np.concatenate([values[0] * rise, values, values[-1] * rise[::-1]])
 
 
-_MOTION = re.compile(r"[NCM]?M(/S(EC)?|/\(?S(EC)?\*\*2\)?)?|M/S(/S|\^?2)", re.IGNORECASE)
-"""Units of displacement, velocity and acceleration that ObsPy knows in a response."""
+_MOTION = re.compile(
+    r"[NCM]?M(/S(EC)?|/S\*\*2)?|M/(\(S\*\*2\)|SEC\*\*2|\(SEC\*\*2\)|S/S)", re.IGNORECASE
+)
+"""Units of displacement, velocity and acceleration that ObsPy divides by: in others that it lists,
+as CM/SEC**2, it forgets the factor, and what it does not list it takes as it is."""
 
 
 def _check_response(response: Any) -> None:
@@ -72,9 +75,9 @@ def _check_response(response: Any) -> None:
     whole, remedy = response.instrument_sensitivity, "correct the response, or download it again"
     units = [one.input_units for one in (whole, *response.response_stages[:1]) if one]
     for unit in filter(None, units):
-        if not _MOTION.fullmatch(unit.strip()):
+        if not _MOTION.fullmatch(unit):
             given = f"the response of an instrument in {unit}"
-            raise InvalidInput(given, "it records motion, in units such as M/S", remedy)
+            raise InvalidInput(given, "it records motion, in units such as M/S or M/S**2", remedy)
     if not response.response_stages:
         given, rule = "a response without stages", "it is divided by, at each frequency"
         raise InvalidInput(given, rule, "download it at level=response")

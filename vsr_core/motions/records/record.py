@@ -292,9 +292,9 @@ def check_rest(trace: Trace) -> None:
         raise InvalidInput(given, f"it comes to rest, to {DRIFT:.0%} and {OFFSET:.0%}", remedy)
 
 
-END = 0.1
-"""Acceleration at the end of a motion that was made so, as a share of its PGA: the mean of this
-share of its samples."""
+END, TILTED = 0.1, 0.02
+"""Share of the samples of a motion that are its end, and their mean acceleration, as a share of its
+PGA, in one that was made so: more is as a ground that stays tilted."""
 
 
 def check_end(trace: Trace) -> None:
@@ -307,7 +307,7 @@ def check_end(trace: Trace) -> None:
     acceleration, velocity = trace.acceleration, trace.velocity
     last = float(acceleration[-max(1, int(END * len(acceleration))) :].mean())
     drifts = abs(float(velocity[-1])) > DRIFT * float(np.abs(velocity).max())
-    if drifts and abs(last) > END * float(np.abs(acceleration).max()):
+    if drifts and abs(last) > TILTED * float(np.abs(acceleration).max()):
         given = f"a motion that ends with {last / GRAVITY:.2g} g"
         remedy = "take off the instrument's offset, or give the record to its end"
         raise InvalidInput(given, "the ground rests before and after", remedy)

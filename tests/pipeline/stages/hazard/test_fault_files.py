@@ -32,6 +32,7 @@ def table(tmp_path: Path) -> Path:
         (FAULTS.replace("mechanism", "Mechanism"), "Mechanism: got a column of no meaning"),
         (FAULTS.replace("0.012", "5"), "rate_per_year: got 5 in row 3; a fault has at most 0.4"),
         (FAULTS.replace("7.4,25,0.012", "9.9,0,0.1"), "rate_per_year: got 0.1 in row 3"),
+        (FAULTS.replace("\n", "\n#2 ", 1), "name: got '#2 .*, a row or a comment"),
     ],
 )
 def test_what_no_table_of_faults_has_is_refused(table: Path, text: str, words: str) -> None:
@@ -75,6 +76,13 @@ def test_models_that_saturate_or_have_reflections_are_taken(
 ) -> None:
     table.write_text(model(*medians), encoding="utf-8")
     assert fault_files._model(table).magnitudes.tolist() == [5.0, 7.0]
+
+
+def test_a_row_behind_a_sign_and_a_blank_is_a_comment(table: Path) -> None:
+    table.write_text(FAULTS.replace("\n", "\n# ", 1), encoding="utf-8")
+    assert len(fault_files._faults(table)) == 2
+    table.write_text(FAULTS.replace("\n", '\n"#2 Hosgri",7.4,2,0.01,\n', 1), encoding="utf-8")
+    assert fault_files._faults(table)[0].name == "#2 Hosgri"
 
 
 def test_an_empty_column_at_the_end_of_a_table_is_none(table: Path) -> None:
