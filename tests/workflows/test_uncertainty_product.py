@@ -20,6 +20,7 @@ from pipeline.stages.mesh import scan_figures
 from pipeline.stages.studies.validation.recorded_tests import ShakeTableConfig
 from pipeline.stages.uncertainty import draws, ensemble, uncertainty
 from pipeline.stages.uncertainty.draw_runs import Search
+from pipeline.stages.uncertainty.uncertainty_page import directions
 from vsr_core import GRAVITY
 from vsr_core.outcome import FoundBy
 from vsr_core.run import rocking_block
@@ -108,6 +109,31 @@ def test_a_width_is_of_motions_under_which_draws_topple(
     assert f"{said} 95&nbsp;% of the draws topple" in page
     nowhere = said.startswith("In no")
     assert ("2 draws; under no motion do 95 % of them topple" in ran.err) == nowhere
+
+
+def test_a_draw_that_topples_at_the_lowest_pga_has_no_boundary_known(
+    vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
+) -> None:
+    """Its band is open below, as it is above where draws never topple; widths are of the others."""
+    grid = "motion.pga={start: 0.4, stop: 0.7, num: 4}"
+    gain = priors(members="4", amplitude="{mean: 1, sd: 0.1}")
+    own = ("--set", grid, "--set", "fragility.lowest=0.4", *gain)
+    found = product(vsr("run", "uncertainty", "--site", write_site(SITE), *own), derived)
+    lower, upper = (found[f"member_boundary_{end}"].values for end in ("lower", "upper"))
+    lowest = np.isnan(lower) & np.isfinite(upper)
+    assert lowest.all(axis=0).any()
+    assert not lowest.any(axis=0).all()
+    for name, counted in (("low", lowest.any(axis=0)), ("high", lowest.all(axis=0))):
+        np.testing.assert_array_equal(found[f"boundary_{name}"].values == 0.0, counted)
+    assert (found["member_boundary"].values > 0.0).all()
+    ends = [found[f"boundary_{name}"].values for name in ("low", "high")]
+    for row, low, high in zip(directions(found), *ends, strict=True):
+        whole = (low > 0.0) & np.isfinite(high)
+        width = np.exp(np.median(np.log(high[whole] / low[whole]))) if whole.any() else np.nan
+        assert row["ratio"] == pytest.approx(width, nan_ok=True)
+    page = (derived / "rock" / "uncertainty.html").read_text(encoding="utf-8")
+    assert "but fewer than 5&nbsp;% at the lowest" in page
+    assert "0: the draw topples at the lowest PGA tried, 0.4&nbsp;g, already" in page
 
 
 def test_a_gain_moves_the_boundary_of_housner(

@@ -81,6 +81,12 @@ class Ensemble:
         """First-overturning PGA: the geometric middles of the brackets, shape as theirs [g]."""
         return middles(self.lower, self.upper)
 
+    @property
+    def known(self) -> Array:
+        """The same, but 0 of a draw that topples at the lowest PGA tried, as it is not known."""
+        open_below = np.isnan(self.lower) & np.isfinite(self.upper)
+        return np.where(open_below, 0.0, self.boundary)
+
 
 def outcomes(wanted: Search) -> Ensemble:
     """Bracket the first overturning of all draws, some draws after the others."""

@@ -102,7 +102,7 @@ def make(
     elif not shape.replica:
         base = told.base_effects(draws, shape, density, given)
     dataset = _dataset(wanted, found)
-    shares = _shares(draws, known, base, dataset["member_boundary"].values, weighed=bool(observed))
+    shares = _shares(draws, known, base, found.known, weighed=bool(observed))
     dataset = dataset.merge(_indices(shares, draws, known, base))
     dataset["boundary_error"] = ((), float(own_edge["boundary_error"]))
     dataset = dataset.assign(_of_step(step))
@@ -145,7 +145,7 @@ def _dataset(wanted: Search, found: Ensemble) -> xr.Dataset:
     pga, ratio = np.array(motions.pga), np.array(motions.pgv_pga)
     chance = probability.chance(found.overturned)
     edges = found.boundary
-    low, median, high = probability.band(edges)
+    low, median, high = probability.band(found.known)
     theta, beta = probability.lognormal(edges, ratio, wanted.width, wanted.bounds)
     of_yaw = ndtr(np.log(pga / theta[..., None]) / beta[..., None])
     dataset = xr.Dataset(
@@ -232,13 +232,14 @@ def _rule(found: Ensemble) -> dict[str, Any]:
 def _shares(
     draws: list[Draw], known: Priors, base: Array | None, boundary: Array, *, weighed: bool
 ) -> list[Shares]:
-    """Indices of the boundary's height in each direction, over rows that every draw topples in.
+    """Indices of the boundary's height in each direction, over rows where all draws have one.
 
     None of draws weighed by observations, which make what was drawn dependent on each other.
     """
     found = []
     for yaw in range(boundary.shape[1]):
-        own = np.log(boundary[:, yaw, np.isfinite(boundary[:, yaw]).all(axis=0)])
+        edges = boundary[:, yaw]
+        own = np.log(edges[:, (np.isfinite(edges) & (edges > 0.0)).all(axis=0)])
         height = own.mean(axis=1) if own.size and not weighed else np.full(len(draws), np.nan)
         found.append(sensitivity.shares(told.unknowns(draws, known, base, yaw), height))
     return found

@@ -108,7 +108,7 @@ def directions(found: xr.Dataset) -> list[dict[str, float]]:
     for at in range(found.sizes["yaw"]):
         one = found.isel(yaw=at)
         ends = [one[f"boundary_{name}"].values for name in ("low", "median", "high")]
-        known = np.asarray(np.isfinite(ends).all(axis=0))
+        known = (ends[0] > 0.0) & np.isfinite(ends[2])
         spread = np.log(ends[2][known] / ends[0][known])
         half = _middle(found)
         rows.append(
@@ -144,12 +144,14 @@ def by_seat(found: xr.Dataset, boundary: xr.Dataset) -> list[dict[str, Any]]:
     drawn = found["drawn_seat"].values
     kinds = {key: drawn == key for key in ("rim", "whole")}
     kinds["points"] = ~(kinds["rim"] | kinds["whole"])
-    edges, own = found["member_boundary"].values, boundary["first_overturning_pga"].values
+    lowest = np.isnan(found["member_boundary_lower"]) & np.isfinite(found["member_boundary_upper"])
+    edges = found["member_boundary"].where(~lowest, 0.0).values  # no more is known of those
+    own = boundary["first_overturning_pga"].values
     ratio = edges / np.where(np.isfinite(own), own, np.nan)  # else it would be none of all
     rows = []
     for key, name in unknowns.KINDS.items():
         members = kinds[key]
-        known = ratio[members][np.isfinite(ratio[members])]
+        known = ratio[members][np.isfinite(ratio[members]) & (ratio[members] > 0.0)]
         rows.append(
             {
                 "kind": name,
@@ -199,7 +201,9 @@ def widest(found: xr.Dataset) -> dict[str, float]:
         "wide": by_width[-1]["ratio"],
         "wide_yaw": by_width[-1]["yaw"],
         "median": float(np.median([row["ratio"] for row in rows])),
-        "partial": not np.isfinite(found["boundary_high"].values).all(),
+        "partial": not (
+            (found["boundary_low"].values > 0.0) & np.isfinite(found["boundary_high"].values)
+        ).all(),
     }
 
 
@@ -254,11 +258,11 @@ def tests(found: xr.Dataset) -> list[dict[str, Any]]:
 def summary(found: xr.Dataset) -> str:
     """One line for the log."""
     width, order = widest(found), ranked(found)
-    text = (
-        f"{found.sizes['member']} draws; the 5 to 95 % interval of the boundary spans a factor of "
+    text = f"{found.sizes['member']} draws; " + (
+        f"the 5 to 95 % interval of the boundary spans a factor of "
         f"{width['median']:.2f} in the median direction"
         if width
-        else f"{found.sizes['member']} draws; under no motion do 95 % of them topple"
+        else "under no motion do 95 % of them topple, but fewer than 5 % at the lowest PGA tried"
     )
     first = listed([row["name"] for row in leaders(order)])
     return text + (f"; largest contribution: {first}" if order else "")

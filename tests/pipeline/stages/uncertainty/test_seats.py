@@ -128,15 +128,18 @@ def test_a_seam_that_bears_as_a_whole_has_no_error() -> None:
     np.testing.assert_array_equal(one.ground.terrain.vertices, other.ground.terrain.vertices)
 
 
-def test_a_row_on_which_the_site_never_topples_is_no_share_of_its_boundary() -> None:
-    edges = [[[0.6, 0.5, 0.9]]]
-    found = xr.Dataset(
-        {
-            "drawn_seat": ("member", ["rim"]),
-            "member_boundary": (("member", "yaw", "pgv_pga"), edges),
-        },
-        {"pgv_pga": [0.2, 0.4, 0.8]},
-    )
+@pytest.mark.parametrize(("lower", "ratio"), [(0.59, 1.2), (np.nan, np.nan)])
+def test_a_row_on_which_either_has_no_boundary_is_no_share_of_the_sites(
+    lower: float, ratio: float
+) -> None:
+    """The site never topples on two rows; on the other the draw may topple at the lowest PGA."""
+    ends = {
+        "member_boundary_lower": [[[lower, 0.49, 0.89]]],
+        "member_boundary": [[[0.6, 0.5, 0.9]]],
+        "member_boundary_upper": [[[0.61, 0.51, 0.91]]],
+    }
+    edges = {name: (("member", "yaw", "pgv_pga"), values) for name, values in ends.items()}
+    found = xr.Dataset({"drawn_seat": ("member", ["rim"]), **edges}, {"pgv_pga": [0.2, 0.4, 0.8]})
     own = xr.Dataset({"first_overturning_pga": (("yaw", "pgv_pga"), [[0.5, np.inf, np.inf]])})
     rim = by_seat(found, own)[0]
-    assert (rim["members"], rim["ratio"]) == (1, pytest.approx(1.2))
+    assert (rim["members"], rim["ratio"]) == (1, pytest.approx(ratio, nan_ok=True))
