@@ -15,13 +15,7 @@ from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 
 from pipeline.drawing import style
-from pipeline.stages.fragility.summary import (
-    long_rows_in_words,
-    static_pga,
-    typical_pga,
-    undecided,
-    with_interval,
-)
+from pipeline.stages.fragility.summary import long_rows_in_words, static_pga, typical_pga, undecided
 from pipeline.workflow.datasets import is_shaken_along_x, label, rows_of
 from vsr_core.arrays import Array, Indices
 from vsr_core.outcome import DecidedBy, Movement, Outcome
@@ -173,8 +167,12 @@ def _not_rolled_over(axes: Axes, runs: xr.Dataset, pga: Array, ratio: Array, siz
 
 
 def _boundary(axes: Axes, fit: xr.Dataset) -> None:
-    """First overturning of each row that has it within the grid, a stroke as high as its cells."""
-    first, ends = fit["first_overturning_pga"].values, style.cell_edges(fit["pga"].values)
+    """First overturning of each row that has it within the grid, a stroke as high as its cells.
+
+    None of a row that topples at the lowest PGA tried, as one is assumed there.
+    """
+    first = fit["first_overturning_pga"].where(fit["first_overturning_pga_lower"] > 0.0).values
+    ends = style.cell_edges(fit["pga"].values)
     borders = style.cell_edges(_heights(fit))
     inside = (first >= ends[0]) & (first <= ends[-1])
     if inside.any():
@@ -307,24 +305,25 @@ def _first(axes: PolarAxes, fragility: xr.Dataset, rock: xr.Dataset) -> None:
     several = fragility.sizes["friction"] > 1
     for k, friction in enumerate(fragility["friction"].values):
         name = f"friction {friction:g}" if several else "first overturning in the simulations"
-        _ring(axes, yaw, np.where(np.isinf(first[:, k]), np.nan, first[:, k]), k, name, "first")
+        closed = (lower[:, k] > 0.0) & np.isfinite(upper[:, k])
+        _ring(axes, yaw, np.where(closed, first[:, k], np.nan), k, name, "first")
         for turn, low, high in zip(np.radians(yaw), lower[:, k], upper[:, k], strict=True):
             if np.isfinite(high):
                 axes.plot([turn, turn], [low, high], color=style.SERIES[k % 6], lw=2.2, alpha=0.5)
-        above = np.isinf(upper[:, k])
-        if above.any():
-            axes.plot(
-                np.radians(yaw[above]),
-                np.full(above.sum(), (0.97 - 0.07 * k) * rim),
-                ls="",
-                marker="^",
-                mfc="white",
-                mec=style.SERIES[k % 6],
-                gid="above",
-            )
-    if (above := np.isinf(upper)).any():
-        words = with_interval(np.inf, lower[above].min(), np.inf)
-        axes.plot([], [], ls="", marker="^", mfc="white", mec=style.INK, label=words)
+    at_rim = np.broadcast_to((0.97 - 0.07 * np.arange(first.shape[1])) * rim, first.shape)
+    for open_end, marker, gid, bound, radius in (
+        ((lower > 0.0) & np.isinf(upper), "^", "above", lower, at_rim),
+        ((lower == 0.0) & np.isfinite(upper), "v", "below", upper, upper),
+    ):
+        look: Any = {"ls": "", "marker": marker, "mfc": "white"}
+        for k in np.flatnonzero(open_end.any(axis=0)).tolist():
+            own = open_end[:, k]
+            place = np.radians(yaw[own]), radius[own, k]
+            axes.plot(*place, mec=style.SERIES[k % 6], gid=gid, **look)
+        if open_end.any():
+            ends = dict.fromkeys((bound[open_end].min(), bound[open_end].max()))
+            words = " to ".join(f"{gid} {end:.4g} g" for end in ends)
+            axes.plot([], [], mec=style.INK, label=words, **look)
     if along_x:
         axes.plot(
             np.radians(around),

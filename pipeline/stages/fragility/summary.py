@@ -128,7 +128,8 @@ def typical_pga(fragility: xr.Dataset) -> Array:
     Returns
     -------
     ndarray, shape (3, yaw, friction) [g]
-        PGA, lower and upper end: 0 and inf where the interval is open; NaN without a decided run.
+        PGA, lower and upper end: 0 and inf where the interval is open, and the PGA likewise, NaN
+        where it is open to both sides; NaN without a decided run.
     """
     name, rows = "first_overturning_pga", long_rows(fragility["pgv_pga"].values)
     first, lower, upper = (
@@ -143,6 +144,7 @@ def typical_pga(fragility: xr.Dataset) -> Array:
         middle = 0.5 * (low + high)
         if low[1] == 0.0 or np.isinf(high[2]):
             middle[1:] = low[1], high[2]
+            middle[0] = float(low[1]) * float(high[2])  # 0, inf, or no number
         typical[(slice(None), *place)] = middle
     return typical
 

@@ -320,6 +320,29 @@ def test_polar_plot(products: dict[str, xr.Dataset]) -> None:
     assert "above 4 g" in labels(figure)
 
 
+def test_a_boundary_below_all_that_was_run_is_drawn_as_such(
+    products: dict[str, xr.Dataset],
+) -> None:
+    """In neither figure where it is assumed to lie, a step below the lowest PGA tried."""
+    fragility = products["fragility"].copy(deep=True)
+    for end, value in (("", 0.31), ("_lower", np.nan), ("_upper", 0.35)):
+        fragility[f"first_overturning_pga{end}"][1] = value
+    fragility["first_overturning_pga_upper"][1, :, -1] = 0.4
+    figure = fragility_by_yaw(fragility, products["rock"])
+    assert np.isnan(artist(figure, "first", 1).get_ydata()[1])
+    below = artist(figure, "below", 1)
+    np.testing.assert_allclose(below.get_xdata(), [np.pi / 2])
+    assert f"below {below.get_ydata()[0]:.4g} g" in labels(figure)
+    fragility["first_overturning_pga_upper"][0], fragility["first_overturning_pga_lower"][0] = (
+        0.2,
+        np.nan,
+    )
+    figure = fragility_by_yaw(fragility, products["rock"])
+    assert f"below 0.2 g to below {below.get_ydata()[0]:.4g} g" in labels(figure)
+    figure = overturning_diagram(products["responses"], fragility, (1, 0))
+    assert not [a for a in figure.axes[0].get_children() if a.get_gid() == "boundary"]
+
+
 def test_static_pga_takes_the_weaker_way() -> None:
     pga = np.full(360, 1.0)
     pga[30] = 0.1
@@ -359,7 +382,10 @@ def test_typical_pga_is_no_mean_of_what_is_open(rows: list[tuple[float, ...]], w
         {name + end: (dims, [[values]]) for end, values in ends},
         {"pgv_pga": 0.2 + 0.1 * np.arange(len(rows))},
     )
-    assert summary.with_interval(*summary.typical_pga(fragility)[:, 0, 0]) == words
+    typical = summary.typical_pga(fragility)[:, 0, 0]
+    assert summary.with_interval(*typical) == words
+    known = {"above": np.inf, "below": 0.0, "not": np.nan}.get(words.split()[0], typical[0])
+    assert typical[0] == pytest.approx(known, nan_ok=True)
 
 
 @pytest.mark.parametrize(
