@@ -59,7 +59,7 @@ class Movement(IntEnum):
 class DecidedBy(IntEnum):
     """The rule that ended a run, or kept it from starting."""
 
-    SIMULATION = 0, "simulated until at rest, or until the time simulated ran out"
+    SIMULATION = 0, "simulated until at rest, on a terrain toppled or gone, out of time, or failed"
     NO_UPLIFT_BOUND = 1, "not run: provably too weak to lift or slide the rock"
     ENERGY_BOUND = 2, "stopped early: too little energy left to change the outcome"
     NO_RETURN = 3, "stopped early: falling, past any support"

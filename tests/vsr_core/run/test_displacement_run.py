@@ -954,6 +954,21 @@ def test_nothing_moves_in_the_range_of_rest(yaw: float) -> None:
     assert beyond.response.decided_by is DecidedBy.SIMULATION
 
 
+def test_a_rock_that_topples_on_a_terrain_is_decided_then() -> None:
+    """Not at rest, which a run that is followed reaches later; the words say so."""
+    site, motion = site_of("box", "level"), CosinePulse.from_g(1.0, 0.15)
+    settings = usual(site.seat.rock)
+    alone, followed = (
+        displacement.displace(site, motion, settings, follow=follow) for follow in (False, True)
+    )
+    assert alone.response.outcome is followed.response.outcome is Outcome.OVERTURNED
+    assert (alone.stop, followed.stop) == (StopReason.UNDONE, StopReason.REST)
+    assert alone.response.steps < followed.response.steps
+    for run in (alone, followed):
+        assert run.response.decided_by is DecidedBy.SIMULATION
+        assert "at rest, on a terrain toppled" in run.response.decided_by.how
+
+
 def shaken_late(site: TerrainCase, pga_g: float, quiet: float) -> RecordedMotion:
     """A pulse of 0.3 s after a tremble well within the range of rest."""
     lowest, highest = site.static_limits
