@@ -123,6 +123,7 @@ def _check_page(study: Study, headline: str) -> None:
     page = (study.made / "study" / "study.html").read_text()
     assert headline in page.replace("&#39;", "'")
     assert page.count("<img") == 6
+    assert "levels without a known change" in page  # not unchanged
     assert "Compared with bounce 0, " in headline
     assert (
         "At 0.2 nothing topples up to the highest PGA tried." in headline
