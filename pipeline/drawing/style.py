@@ -123,7 +123,7 @@ def _rendered(figure: Figure, kind: str) -> bytes:
 
 
 def cell_edges(values: Array) -> Array:
-    """Borders of cells around grid values, half-way between them.
+    """Borders of cells around grid values, half-way between them; none of positive ones below zero.
 
     Parameters
     ----------
@@ -141,7 +141,9 @@ def cell_edges(values: Array) -> Array:
     if values.size == 1:  # the only record of a site is at 0
         return values + (0.5 * values[0] or 0.5) * np.array([-1.0, 1.0])
     middle = (values[1:] + values[:-1]) / 2
-    return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
+    first = 2 * values[0] - middle[0]
+    first = max(first, 0.0) if values[0] > 0.0 else first
+    return np.concatenate([[first], middle, [2 * values[-1] - middle[-1]]])
 
 
 def legend_below(figure: Figure, axes: Axes, columns: int, top: float = 0.08) -> None:

@@ -195,15 +195,20 @@ def _model(axes: Axes, fit: xr.Dataset) -> None:
     ends = np.clip(np.where(known, [lower, upper], pga[0]), pga[0], pga[-1])
     line: Any = {"label": f"{name} model, median", "gid": "median", "zorder": 5}
     band: Any = {"label": "95 % interval of that median", "gid": "interval", "zorder": 4}
+    found = np.isfinite(inside)
     if rows_of(fit) == "record":  # each record for itself: nothing lies between two of them
-        axes.plot(inside, ratio, "D", ms=6, mfc=style.MODEL, mec="black", **line)
-        rows = ratio[known], *ends[:, known]
-        axes.hlines(*rows, lw=3.0, color=style.MODEL, alpha=0.75, **band)
+        if found.any():
+            axes.plot(inside, ratio, "D", ms=6, mfc=style.MODEL, mec="black", **line)
+        if known.any():
+            rows = ratio[known], *ends[:, known]
+            axes.hlines(*rows, lw=3.0, color=style.MODEL, alpha=0.75, **band)
         return
-    rim = [withStroke(linewidth=2.8, foreground="black")]
-    axes.plot(inside, ratio, color=style.MODEL, lw=1.6, path_effects=rim, **line)
-    filled: Any = {"facecolor": style.MODEL, "alpha": 0.55, "lw": 0}
-    axes.fill_betweenx(ratio, ends[0], ends[1], where=known, **filled, **band)
+    if (found[1:] & found[:-1]).any():  # else there is no line to show
+        rim = [withStroke(linewidth=2.8, foreground="black")]
+        axes.plot(inside, ratio, color=style.MODEL, lw=1.6, path_effects=rim, **line)
+    if (known[1:] & known[:-1]).any():
+        filled: Any = {"facecolor": style.MODEL, "alpha": 0.55, "lw": 0}
+        axes.fill_betweenx(ratio, ends[0], ends[1], where=known, **filled, **band)
 
 
 RULES = len(DecidedBy)

@@ -41,4 +41,6 @@ def test_settings_of_a_user_change_no_byte(key: str) -> None:
 def test_the_only_row_has_a_cell_of_some_height() -> None:
     """Records are numbered from 0; half-way to a next one, as between two."""
     assert style.cell_edges(np.array([0.0])).tolist() == [-0.5, 0.5]
+    assert style.cell_edges(np.array([0.0, 1.0])).tolist() == [-0.5, 0.5, 1.5]
+    assert style.cell_edges(np.array([0.25, 1.5])).tolist() == [0.0, 0.875, 2.125]
     assert style.cell_edges(np.array([0.3])).tolist() == pytest.approx([0.15, 0.45])

@@ -247,6 +247,10 @@ def test_contours_stay_inside_the_tested_range(products: dict[str, xr.Dataset]) 
     corners = artist(figure, "interval").get_paths()[0].vertices
     assert grid[0] <= corners[:, 0].min()
     assert corners[:, 0].max() == grid[-1]
+    fragility["median_pga"][0, 0, 2] = np.inf
+    fragility["median_pga_interval"][0, 0, 2] = [2 * grid[-1], np.inf]
+    figure = overturning_diagram(products["responses"], fragility, (0, 0))
+    assert not any("median" in text for text in labels(figure))  # neither line nor band
     fragility["recommended"][0, 0] = "none"
     assert not any(
         "model" in text
