@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -13,6 +15,9 @@ from pipeline.workflow.datasets import label
 _CHANCES = np.linspace(0.0, 1.0, 11)
 
 _TICKS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
+
+_DASHES = ("dotted", "dashed", "solid")
+"""Of the lines along which the rock stands with each probability, rising."""
 
 _MOST_NAMED = 12
 """Faults whose names are written; more are points without names."""
@@ -28,14 +33,14 @@ def exclusion(found: xr.Dataset) -> Figure:
     filled = axes.contourf(distance, magnitude, chance, _CHANCES, cmap="magma_r")
     figure.colorbar(filled, ax=axes, label=label("scenario_toppling_probability"))
     standing = found["standing_probability"].values
-    if chance.min() < 1.0 - standing.min() and chance.max() > 1.0 - standing.max():
-        lines = axes.contour(
-            distance, magnitude, 1.0 - chance, standing, colors=style.INK, linewidths=1.1
-        )
-        words = {one: f"stands at {100 * one:g} %" for one in standing}
-        texts = axes.clabel(lines, fmt=words, fontsize=7.5, inline_spacing=1)
-        for text in texts:
-            text.set_path_effects([*style.HALO])
+    for level, dashes in zip(standing.tolist(), _DASHES, strict=True):
+        if chance.min() < 1.0 - level < chance.max():  # named beside the map, where no fault lies
+            look: Any = {"linestyles": [dashes], "colors": style.INK, "linewidths": 1.1}
+            axes.contour(distance, magnitude, 1.0 - chance, [level], **look)
+            name = f"stands with {100 * level:g} %"
+            axes.plot([], [], ls=dashes, color=style.INK, lw=1.1, label=name)
+    if axes.get_legend_handles_labels()[0]:
+        figure.legend(loc="outside lower center", ncols=len(standing))
     if "fault" in found.dims:
         _faults(axes, found)
     axes.set_xscale("log")
@@ -57,6 +62,8 @@ def _faults(axes: Axes, found: xr.Dataset) -> None:
     size = np.clip(found["fault_magnitude"].values, *found["magnitude"].values[[0, -1]])
     rejected = found["fault_rejected"].values == 1
     for out, mark in ((False, "o"), (True, "X")):
+        if not (rejected == out).any():
+            continue  # nothing without a border still takes a place in the layout
         axes.plot(
             at[rejected == out],
             size[rejected == out],

@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from pipeline.stages.hazard.exclusion_figures import exclusion
 from pipeline.stages.hazard.hazard_figures import survival
 from pipeline.workflow import pages
 
@@ -43,6 +44,33 @@ def test_names_and_legend_of_survival_have_their_own_places(rates: list[float]) 
         assert frame.y0 < box.y0 < box.y1 < frame.y1
     (legend,) = [*figure.legends, *filter(None, (axes.get_legend() for axes in figure.axes))]
     assert not legend.get_window_extent().overlaps(frame)
+
+
+def test_lines_of_the_map_of_earthquakes_are_named_beside_it() -> None:
+    """Not across a fault that lies on one of them, and only those that are in the map."""
+    magnitude, distance = np.linspace(5.0, 7.6, 27), np.geomspace(1.0, 100.0, 41)
+    chance = 0.6 * np.clip((magnitude[:, None] - 5.0) / 2.6 - np.log10(distance) / 2.0, 0.0, 1.0)
+    found = xr.Dataset(
+        {
+            "scenario_toppling_probability": (("magnitude", "distance"), chance),
+            "fault_distance": ("fault", [6.0]),
+            "fault_magnitude": ("fault", [6.4]),
+            "fault_rejected": ("fault", np.zeros(1, dtype=np.int8)),
+        },
+        {
+            "magnitude": magnitude,
+            "distance": distance,
+            "standing_probability": [0.05, 0.5, 0.95],
+            "fault": ["Near fault"],
+        },
+    )
+    figure = exclusion(found)
+    FigureCanvasAgg(figure).draw()
+    axes, (legend,) = figure.axes[0], figure.legends
+    assert [text.get_text() for text in axes.texts] == ["Near fault"]
+    words = [text.get_text() for text in legend.get_texts()]
+    assert words == ["stands with 50 %", "stands with 95 %"]
+    assert not legend.get_window_extent().overlaps(axes.get_tightbbox())
 
 
 def test_magnitudes_near_each_other_are_told_apart() -> None:
