@@ -46,6 +46,7 @@ def facts(
     return {
         "site": site,
         "source": origin["shape_source"],
+        "box": origin["shape_source"] == "box",
         "surrogate": bool(origin["surrogate"]),
         "members": found.sizes["member"],
         "cells": found["probability"].size,
@@ -308,7 +309,7 @@ def bands(found: xr.Dataset, responses: xr.Dataset) -> Figure:
         axes.plot(middle, heights, color=style.INK, lw=1.3, label="median of the draws")
         axes.set(xlim=style.cell_edges(pga)[[0, -1]], ylim=style.cell_edges(heights)[[0, -1]])
         axes.set_title(f"yaw {one['yaw'].item():g} deg", fontsize=8.5, pad=3)
-    for colour, text in ((style.PROVED, "stands as scanned"), ("#e9aba6", "topples as scanned")):
+    for colour, text in ((style.PROVED, "stands as given"), ("#e9aba6", "topples as given")):
         panels[0, 0].plot([], [], "s", ms=7, color=colour, label=text)
     for axes in panels.flat[max(count - columns, 0) : count]:  # with no other panel below
         axes.tick_params(labelbottom=True)
