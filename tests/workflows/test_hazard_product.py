@@ -389,6 +389,19 @@ def test_formulas_are_text_and_a_wrong_unit_shows_in_the_log(
     assert told in capsys.readouterr().err
 
 
+def test_what_files_have_that_does_not_fit_is_told_on_the_page(made: Path, tmp_path: Path) -> None:
+    """A disaggregated level that is exceeded in a day as often as the curves say in centuries."""
+    edges = "mag_bin_edges=[5.0, 7.0], dist_bin_edges=[0.0, 20.0], investigation_time=0.003"
+    lines = (f'#,,,,,"{edges}"', "imt,iml,poe,mag,dist,mean", "PGA,0.5,1e-3,6.0,10,1e-3", "")
+    (tmp_path / "Mag_Dist-mean-0_2.csv").write_text("\n".join(lines), encoding="utf-8")
+    command = ["run", "hazard", "--site", str(made.parents[1] / "rock.yaml"), "--workers", "0"]
+    command += ["--set", f"hazard.disaggregation={tmp_path / 'Mag_Dist-mean-0_2.csv'}"]
+    copy = shutil.copytree(made.parent, tmp_path / "derived")
+    assert cli.main([*command, "--derived", str(copy)]) == 0
+    text = (copy / "rock" / "hazard.html").read_text(encoding="utf-8")
+    assert "<li>Of the files: disaggregated 0.5 g is exceeded 0.33 times a year" in text
+
+
 def test_every_variable_is_described(hazard: xr.Dataset) -> None:
     assert hazard.attrs["Conventions"].startswith("CF-")
     for name, variable in hazard.variables.items():
@@ -454,6 +467,8 @@ def test_the_page_says_what_was_assumed_and_what_is_open(page: str, hazard: xr.D
     assert "120.86° W, 35.19° N" in page
     assert "Horizontal component of the curves: RotD50" in page
     assert "of equal rate of exceedance" in page
+    assert "Hatched: PGA below 0.001 and above " in page
+    assert "The rock is rigid and bears on all of its base" in page  # a box has no scan
     levels, rates = levels_and_rates("PGA")
     mean = weights() @ rates
     probability = hazard["toppling_probability"].values
@@ -540,6 +555,10 @@ def test_an_ensemble_gives_the_mean_and_its_members_the_range(
     assert ((low <= high) & (low <= middle) & (middle <= high)).all()
     page = (derived / "rock" / "hazard.html").read_text(encoding="utf-8")
     assert "5-95 % of the members" in page
+    drawings = (derived / "rock" / "uncertainty.html").read_text(encoding="utf-8")
+    for text in (page.partition("<h2>Assumptions")[2], drawings):  # of a box
+        assert "of the scan" not in text
+        assert "rock as scanned" not in text
     assert "as scanned, without uncertainty, slippery" in page
     used, anew = (float(found["case_survival"].sel(case=name)) for name in (BASE_CASE, DRAWN_ANEW))
     assert anew < used < 1.0

@@ -106,7 +106,7 @@ def make(
     all_cases = cases(analysis, assumed.alternatives, compared)
     results = all_cases[0].results
     found = dataset(analysis, results, by_member, all_cases)
-    facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves.about)
+    facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves)
     others = [*beside.earlier, *(o for one in beside.rocks for o in (one, *one.earlier))]
     facts["earthquakes"] = sum(map(years_observed, [seen, *(one.observed for one in others)]))
     facts["history"] = [
@@ -161,8 +161,8 @@ def page(
     analysis: SurvivalAnalysis,
     assumed: AssumedShaking,
     hazard: xr.Dataset,
-    curves: str,
-    about: str,
+    file: str,
+    curves: Curves,
 ) -> dict[str, Any]:
     """Values for the template."""
     rock, known = analysis.rocks[0].fragility, shape.data.attrs
@@ -176,8 +176,9 @@ def page(
         drawn["weights"] = figures.weights(hazard)
     return {
         "site": site,
-        "curves": curves,
-        "about": about,
+        "curves": file,
+        "about": curves.about,
+        "unused": curves.unused,
         "origin": origin,
         "config": config,
         "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},
