@@ -51,7 +51,8 @@ class Answer:
     ----------
     boundary : float [m/s^2]; nan if nothing topples the rock
     exact : bool, whether by Housner's equation
-    spread : float, how far the references are apart, relative; 0 if exact
+    spread : float, how far the references are apart, relative; 0 if exact, and ``WINDOW`` where
+        they are so far apart, or further, that no range looked at holds them all
     """
 
     boundary: float

@@ -32,7 +32,7 @@ from pipeline.workflow.stage import Product, Work
 from vsr_core import engines
 from vsr_core.arrays import Array
 from vsr_core.run import time_step
-from vsr_core.run.agreement import WORST
+from vsr_core.run.agreement import WINDOW, WORST
 from vsr_core.run.time_step import Boundary
 from vsr_core.verification.work_precision import Target
 
@@ -157,6 +157,7 @@ def facts(
         "friction": config.contact.friction[0],
         "on_terrain": config.on_terrain,
         "rows": _rows(targets),
+        "window": WINDOW,
         "least": _least(targets),
         "lines": {
             method: list(points.itertuples())
