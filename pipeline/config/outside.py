@@ -194,7 +194,7 @@ def is_comment(line: str) -> bool:
         return True
 
 
-_HIDDEN = re.compile(r"#\w").match
+_HIDDEN = re.compile(r'[\s"]*#[^\s,]').match
 
 
 def table(path: Path, lines: str, named: Callable[[str], str] = str.strip) -> list[dict[str, str]]:
@@ -223,7 +223,7 @@ def table(path: Path, lines: str, named: Callable[[str], str] = str.strip) -> li
         raise refused(path, "", given, "it is a table in CSV") from None
     names = [named(name) for name in rows[0]] if rows else []
     for line in filter(_HIDDEN, lines_of(lines)):
-        if line.count(",") == len(names) - 1:
+        if is_comment(line) and line.count(",") == len(names) - 1:
             given = f"{line[:40]!r}, a row or a comment"
             remedy = "put a name that begins with # in quotes, or a blank behind the # of a comment"
             raise refused(path, names[0], given, "it is one of them", remedy)

@@ -94,7 +94,7 @@ def _fitted(model: FragilityModel, ln_pga: Array, n_bootstrap: int) -> ModelFit:
     """Score a fitted model and put its answers for the grid together."""
     coefs = model.coefs
     spread = bootstrap(model, n_bootstrap)
-    ends = model.opened(spread.parameters)
+    ends = model.opened(spread.parameters | {"median": spread.median})
     parameters = tuple(
         Parameter(name, value[0], *ends[name]) for name, value in model.named(coefs).items()
     )
@@ -106,8 +106,8 @@ def _fitted(model: FragilityModel, ln_pga: Array, n_bootstrap: int) -> ModelFit:
         parameters=parameters,
         scores=cross_validate(model),
         median=median,
-        median_lower=spread.median[0],
-        median_upper=spread.median[1],
+        median_lower=ends["median"][0],
+        median_upper=ends["median"][1],
         band_low=low,
         band_high=high,
         probability=model.probability(model.coefs, ln_pga)[0],

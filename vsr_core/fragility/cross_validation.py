@@ -75,7 +75,7 @@ def cross_validate(model: FragilityModel) -> Scores:
     Returns
     -------
     Scores
-        NaN with fewer than two rows.
+        NaN with fewer rows than the model takes.
     """
     cells = model.cells
     if cells.usable.sum() < 2:
@@ -111,11 +111,11 @@ def bootstrap(model: FragilityModel, n: int, seed: int = 0) -> Bootstrap:
     Returns
     -------
     Bootstrap
-        NaN with fewer than two rows.
+        NaN with fewer rows than the model takes.
     """
     cells = model.cells
     rows = np.flatnonzero(cells.usable)
-    if rows.size < 2:
+    if rows.size < model.least_rows:
         empty = {name: np.full_like(v[0], np.nan) for name, v in model.named(model.coefs).items()}
         unknown = np.full(cells.ln_ratio.size, np.nan)
         return Bootstrap({name: (v, v) for name, v in empty.items()}, (unknown, unknown))

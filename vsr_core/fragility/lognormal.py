@@ -31,8 +31,9 @@ class LognormalFragility(FragilityModel):
     that change more than once are those that overlap, unless their changes within the cells are no
     farther apart than a cell is wide, which no slope can be told from: ln theta is then uniform
     from the first to the last of these. A row that is undecided or left out gets ln theta and ln
-    beta linear in ln PGV/PGA between its neighbours, constant beyond the outermost. Coefficients
-    are ln theta and ln beta, shape (batch, n_ratio, 2).
+    beta linear in ln PGV/PGA between its neighbours, constant beyond the outermost; what is
+    undecided goes by rows with both outcomes, where there are any. Coefficients are ln theta and
+    ln beta, shape (batch, n_ratio, 2).
 
     Attributes
     ----------
@@ -49,6 +50,7 @@ class LognormalFragility(FragilityModel):
     """
 
     name = "lognormal"
+    least_rows = 1
 
     def __init__(self, cells: Cells, thresholds: Thresholds | None = None) -> None:
         self.cells = cells
@@ -72,7 +74,11 @@ class LognormalFragility(FragilityModel):
         self._row_values = np.stack([ln_theta, ln_beta], axis=1)
         self.status = tuple(status.tolist())
         self.separated = overlap.size == 0
-        self.coefs = self.refit(np.ones((1, len(rows))))
+        usable = cells.usable
+        closed = usable & ~np.isin(status, ("above", "below"))
+        self._sources = closed if closed.any() else usable
+        self.coefs = self._row_values[None].copy()
+        self._fill(self.coefs[0], ~usable, self._sources)
         counts = {key: self.status.count(key) for key in STATUS if key in self.status}
         self.method = "by row: " + ", ".join(f"{n} {key}" for key, n in counts.items())
 
@@ -90,15 +96,13 @@ class LognormalFragility(FragilityModel):
         Ln theta is uniform on the row's interval, or normal with the standard error of its fit, as
         is ln beta. Others are filled by rows with both outcomes: theta of others is an assumption.
         """
-        shape, usable = row_weights.shape, self.cells.usable
+        shape = row_weights.shape
         values = np.repeat(self._row_values[None], len(row_weights), axis=0)
         values[..., 0] += self._half_width * rng.uniform(-1.0, 1.0, shape)
         values += self._errors * rng.standard_normal((*shape, 2))
-        closed = usable & ~np.isin(self.status, ("above", "below"))
-        closed = closed if closed.any() else usable
         for member, weights in zip(values, row_weights, strict=True):
-            kept = closed & (weights > 0)
-            self._fill(member, ~usable, kept if kept.any() else closed)
+            kept = self._sources & (weights > 0)
+            self._fill(member, ~self.cells.usable, kept if kept.any() else self._sources)
         return values
 
     def named(self, coefs: Array) -> dict[str, Array]:
@@ -108,13 +112,23 @@ class LognormalFragility(FragilityModel):
     def opened(self, ends: dict[str, tuple[Array, Array]]) -> dict[str, tuple[Array, Array]]:
         """As of the base: theta of what never topples is above the last PGA at which it stood.
 
-        That of a row without a verdict has no end where such a row is beside it.
+        That of a row without a verdict has no end where such a row is beside it, nor its median.
         """
         above, below = (np.equal(self.status, name) for name in ("above", "below"))
-        low, high = ends["theta"]
-        low = np.where(above, np.exp(self._ends[0]), np.where(self._beside(below), 0.0, low))
-        high = np.where(below, np.exp(self._ends[1]), np.where(self._beside(above), np.inf, high))
-        return ends | {"theta": (low, high)}
+        found = {}
+        for name in ("theta", "median"):
+            low, high = ends[name]
+            low, high = (
+                np.where(self._beside(below), 0.0, low),
+                np.where(self._beside(above), np.inf, high),
+            )
+            found[name] = low, high
+        low, high = found["theta"]
+        found["theta"] = (
+            np.where(above, np.exp(self._ends[0]), low),
+            np.where(below, np.exp(self._ends[1]), high),
+        )
+        return ends | found
 
     def _beside(self, rows: Mask) -> Mask:
         """Rows, and those without a verdict between which and these there is no other."""

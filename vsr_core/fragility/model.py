@@ -194,9 +194,12 @@ class FragilityModel(ABC):
         Coefficients of the fit, as a batch of one.
     method : str
         How the model was estimated, in words.
+    least_rows : int
+        Rows with a verdict that it takes for intervals.
     """
 
     name: ClassVar[str]
+    least_rows: ClassVar[int] = 2
     cells: Cells
     coefs: Array
     separated: bool
@@ -227,7 +230,7 @@ class FragilityModel(ABC):
         return {}
 
     def opened(self, ends: dict[str, tuple[Array, Array]]) -> dict[str, tuple[Array, Array]]:
-        """Ends of the intervals of the parameters, 0 or inf where no run bounds one."""
+        """Ends of intervals, of parameters and the median, 0 or inf where no run bounds one."""
         return ends
 
     @abstractmethod

@@ -165,6 +165,9 @@ def judge(
         place = record.position
         depth = ground_lookup.depth(lookup, place[0], place[1], place[2])
         depth = max(depth, deepest) if depth >= 0.0 else depth
+        if record.topples and depth >= 0.0:  # through a hole, or beyond the border?
+            foot = _foot_depth(record, lookup)
+            depth = max(depth, foot) if foot >= 0.0 else foot
     sunk = depth > criteria.penetration
     over = sunk and _at_border(record, lookup, criteria.radius)
     if sunk and not over:
@@ -190,6 +193,14 @@ def out_of_time(record: RunRecord, criteria: Criteria) -> tuple[int, int]:
     if trembles and math.sqrt(way) < STAYS_SHARE * criteria.radius:
         return side(record, criteria), REST
     return OVERTURNED if record.toppled else UNSETTLED, TIME
+
+
+@compiled
+def _foot_depth(record: RunRecord, lookup: Lookup) -> float:
+    """How far the rock's lowest corner is below the ground [m]; below 0 beyond the border."""
+    place, lever = record.position, record.lever
+    at = place[0] - lever[0], place[1] - lever[1], place[2] - lever[2]
+    return ground_lookup.depth(lookup, at[0], at[1], at[2])
 
 
 @compiled

@@ -13,6 +13,9 @@ UNEVEN = 0.02
 COARSE = 0.3
 """The same where the times are written with too few digits, at most."""
 
+MOST_GAPS = 0.1
+"""Gaps, as a share of the steps: more are of another rate, with few digits."""
+
 _ROUNDING = 1e-6
 
 
@@ -22,21 +25,32 @@ def places(times: Array) -> tuple[Indices, float]:
     Raises
     ------
     InvalidInput
-        If a time is between two places.
+        If a time is between two places, or they may be of another rate.
     """
     elapsed, written = times - times[0], _printed(times)
-    if complete := _complete(elapsed, float(written.min())):
-        return np.arange(len(times)), complete
+    complete = _complete(elapsed, float(written.min()))
     interval = _interval(elapsed, float(written[-1]))
     found = np.rint(elapsed / interval).astype(np.int64)
     late = np.abs(elapsed - found * interval) / interval
     allowed = np.clip(written / interval, UNEVEN, COARSE)
-    if (late > allowed).any() or (np.diff(found) < 1).any():
+    fits = not ((late > allowed).any() or (np.diff(found) < 1).any())
+    if complete and not fits:
+        return np.arange(len(times)), complete
+    if not fits:
         raise InvalidInput(
             f"time steps that differ: one sample is {late.max():.0%} of a step of "
             f"{1e3 * interval:.4g} ms from its place",
             f"all are equal to {UNEVEN:.0%}, or to the last digit that is written",
             "resample the record to equal steps, band-limited",
+        )
+    lost = int(found[-1]) + 1 - len(found)
+    gaps = int((np.diff(found) > 1).sum())
+    if lost and (complete or gaps > MOST_GAPS * len(found)):
+        other = f" or {1.0 / complete:.4g} Hz with none left out" if complete else ""
+        raise InvalidInput(
+            f"times that are {1.0 / interval:.4g} Hz with {lost} left out{other}",
+            f"one rate fits them, with gaps in at most {MOST_GAPS:.0%} of the steps",
+            "write the times with more digits, or resample it to equal steps",
         )
     return found, interval
 
@@ -54,6 +68,17 @@ def step(times: Array) -> float:
         given = f"{lost} times left out, after {at:g} s, in steps of {1e3 * interval:.4g} ms"
         raise InvalidInput(given, "each step has its sample", "export it again, or resample it")
     return interval
+
+
+def even(times: Array) -> Array:
+    """Ascending times [s] in equal steps, as they were before they were rounded.
+
+    Raises
+    ------
+    InvalidInput
+        As of `step`.
+    """
+    return np.asarray(times[0] + step(times) * np.arange(len(times)))
 
 
 def _complete(elapsed: Array, written: float) -> float | None:

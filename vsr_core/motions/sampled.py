@@ -85,8 +85,10 @@ class SampledMotion(TableMotion):
         return cast(Array, value)
 
     def scaled(self, factor: float) -> SampledMotion:
-        """All axes times ``factor``."""
-        return replace(self, samples=factor * self.samples)
+        """All axes times ``factor``, but for the heading in which the table begins."""
+        samples = factor * self.samples
+        samples[:, 5] += (1.0 - factor) * self.samples[0, 5]
+        return replace(self, samples=samples)
 
     @cached_property
     def _splines(self) -> list[BSpline]:
@@ -123,14 +125,14 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
             f"time {time[at]:g} s in sample {at + 1}", "times ascend", "sort the samples"
         )
     _check_magnitudes(np.diff(time), samples)
-    even_times.step(time)
+    time = even_times.even(np.asarray(time, float))  # rounded ones would shake the table
     samples = np.hstack([samples[:, :3], np.unwrap(samples[:, 3:], axis=0)])
     tilt = float(np.abs(samples[:, 3:5]).max())
     if tilt > 0.5 * math.pi:
         given, rule = f"roll or pitch of {tilt:.4g} rad", "no table tilts beyond the vertical"
         raise InvalidInput(given, rule, "correct the unit, e.g. roll [degree]")
     _check_ends(time, samples)
-    return SampledMotion(np.asarray(time, float), samples)
+    return SampledMotion(time, samples)
 
 
 def _check_magnitudes(steps: Array, samples: Array) -> None:

@@ -107,7 +107,6 @@ def of_fits(fits: Fits) -> RockFragility:
         raise _without_fragility(str(fits.folder / fits.FILE), "report")
     theta = in_si.acceleration(data["theta"].values)
     ends = in_si.acceleration(data["theta_interval"].values)
-    ends = np.where(np.isnan(ends), theta[..., None], ends)
     beta = data["beta"].values
     yaws = data["yaw"].values
     found = RockFragility(

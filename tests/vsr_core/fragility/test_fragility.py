@@ -392,6 +392,23 @@ def test_a_row_with_both_outcomes_is_known_by_its_own_runs():
         assert 0.2 <= lower[1] < upper[1] <= 0.4 <= lower[3] < upper[3] <= 0.8
 
 
+def test_a_single_row_is_known_by_its_own_runs():
+    found = fit_all([0.1, 0.2, 0.4, 0.8], [0.1, 0.2], [[0, 0, 1, 1], [np.nan] * 4])
+    theta = found.model("lognormal").parameters[0]
+    assert 0.2 <= theta.lower[0] < theta.value[0] < theta.upper[0] <= 0.4
+    assert np.isnan(found.model("logistic").median_lower).all()
+
+
+def test_a_row_without_a_verdict_has_the_median_of_its_interval():
+    """Beside a row that never topples, whose theta is an assumption, and one that always does."""
+    grid = [[0] * 4, [np.nan] * 4, [0, 0, 1, 1], [np.nan] * 4, [1] * 4]
+    model = fit_all([0.1, 0.2, 0.4, 0.8], 0.1 * np.arange(1, 6), grid).model("lognormal")
+    assert (model.median_lower <= model.median).all()
+    assert (model.median <= model.median_upper).all()
+    assert (model.median_upper[1], model.median_lower[3]) == (np.inf, 0.0)
+    np.testing.assert_allclose(model.median[[1, 3]], np.sqrt(0.08))
+
+
 # --- smooth ------------------------------------------------------------------------------------
 
 

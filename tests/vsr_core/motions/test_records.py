@@ -154,24 +154,44 @@ def test_table_whose_times_are_rounded(form: str) -> None:
     assert len(found.acceleration) == 9000
 
 
-@pytest.mark.parametrize(
-    ("rate", "digits"), [(80.0, 2), (62.5, 2), (200.0 / 3.0, 2), (99.0, 2), (512.0, 3), (800.0, 3)]
-)
-def test_times_of_few_digits_leave_none_out(rate: float, digits: int) -> None:
-    """Their median step is that of another rate; where one is left out, it is told."""
+def few_digits(rate: float, digits: int, lost: slice | int) -> str:
+    """A table of 2,000 rows, less some."""
     rows = [f"{place / rate:.{digits}f},{math.sin(place)}" for place in range(2000)]
-    found = read_table("\n".join(["time,a [m/s2]", *rows]), None, None)
+    del rows[lost]
+    return "\n".join(["time,a [m/s2]", *rows])
+
+
+@pytest.mark.parametrize(("rate", "digits"), [(60.0, 2), (62.5, 2), (512.0, 3), (800.0, 4)])
+def test_times_of_few_digits_leave_none_out(rate: float, digits: int) -> None:
+    found = read_table(few_digits(rate, digits, slice(0)), None, None)
     assert found.interval == pytest.approx(1.0 / rate, rel=1e-9)
     np.testing.assert_allclose(found.acceleration, np.sin(np.arange(2000)))
     assert found.repairs == ()
 
 
-@pytest.mark.parametrize(("place", "number"), [(2, 1001), (400, 1001), (1000, 2000)])
-def test_one_that_is_left_out_is_a_gap_however_few_digits(place: int, number: int) -> None:
-    rows = [f"{0.01 * k:.2f},{math.sin(k)}" for k in range(number) if k != place]
-    found = read_table("\n".join(["time,a [m/s2]", *rows]), None, None)
+@pytest.mark.parametrize("place", [2, 400, 1000])
+def test_one_that_is_left_out_is_a_gap_however_few_digits(place: int) -> None:
+    found = read_table(few_digits(100.0, 2, place), None, None)
     assert found.interval == pytest.approx(0.01)
     assert np.flatnonzero(np.isnan(found.acceleration)).tolist() == [place]
+
+
+@pytest.mark.parametrize(
+    ("rate", "digits", "lost"),
+    [
+        (80.0, 2, slice(0)),
+        (200.0 / 3.0, 2, slice(0)),
+        (99.0, 2, slice(0)),
+        (800.0, 3, slice(0)),
+        (80.0, 2, 700),
+        (100.0, 2, slice(50, None, 100)),  # one in a second, or 99 Hz
+    ],
+)
+def test_times_that_may_be_of_two_rates_are_refused(
+    rate: float, digits: int, lost: slice | int
+) -> None:
+    text = few_digits(rate, digits, lost)
+    refusal(lambda: read_table(text, None, None), "left out", "more digits")
 
 
 def test_uneven_steps_are_refused_and_left_out_ones_are_gaps() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from typing import cast
@@ -491,6 +492,37 @@ def test_angles_that_wrap_are_unwrapped() -> None:
     wrapped = motion.samples.copy()
     wrapped[:, 5] = (wrapped[:, 5] + math.pi) % (2.0 * math.pi) - math.pi
     np.testing.assert_allclose(sampled(motion.time, wrapped).samples, motion.samples, atol=1e-12)
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.3, 2.0])
+def test_the_heading_in_which_a_table_begins_is_not_scaled(factor: float) -> None:
+    """An encoder may begin anywhere, and a turn is none."""
+    time, samples = np.arange(201) / 100.0, np.zeros((201, 6))
+    samples[:, 0] = 0.1 * np.sin(0.5 * np.pi * time) ** 4
+    samples[:, 5] = 0.05 * np.sin(np.pi * time) ** 4
+    moving = []
+    for begun in (-0.01, math.radians(360.0) - 0.01, 0.5):
+        headed = sampled(time, samples + begun * np.eye(6)[5]).scaled(factor)
+        turned = rotation(np.full((201, 3), [0.0, 0.0, begun]))
+        felt = headed.acceleration(time)[:, :3]
+        moving.append(np.einsum("nij,nj->ni", turned, felt))
+    np.testing.assert_allclose(moving[1], moving[0], atol=1e-9)
+    np.testing.assert_allclose(moving[2], moving[0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "rounded",
+    [lambda t: t.round(3), lambda t: t.round(4), lambda t: t.astype(np.float32).astype(float)],
+)
+def test_rounded_times_shake_no_table(rounded: Callable[[Array], Array]) -> None:
+    """Off its place by half a digit, a sample would be an acceleration."""
+    time = 17.0 + np.arange(1025) / 256.0
+    samples = np.zeros((1025, 6))
+    burst = np.sin(4.0 * np.pi * (time - 17.0)) * np.sin(np.pi * (time - 17.0) / 4.0) ** 4
+    samples[:, 0] = 0.05 * burst
+    exact, found = sampled(time, samples), sampled(rounded(time), samples)
+    assert found.peak_acceleration == pytest.approx(exact.peak_acceleration, rel=1e-4)
+    assert found.peak_velocity == pytest.approx(exact.peak_velocity, rel=1e-4)
 
 
 def test_mujoco_shakes_and_does_not_turn() -> None:

@@ -1088,6 +1088,24 @@ def test_toppling_is_known_without_following() -> None:
     assert ended == {0, 1}
 
 
+@pytest.mark.parametrize(("friction", "ratio"), [(0.05, 0.4), (0.6, 0.1)])
+def test_what_goes_through_the_border_has_not_toppled(friction: float, ratio: float) -> None:
+    """A rock of which a foot comes over it; on ground that goes on it stands."""
+    block, motion = solid.box((0.6, 0.44, 1.1), 2000.0).rock, CosinePulse.from_g(0.9, ratio)
+
+    def on_ground_from(start: float) -> displacement.DisplacementRun:
+        line = np.array([[start, 0.0], [-0.2, 0.0], [0.5, 0.0], [6.0, 0.0]])
+        site = grounds.site(block, grounds.extruded(line, 3.0), friction=friction)
+        return displacement.displace(site, motion, usual(block))
+
+    wide = on_ground_from(-6.0)
+    assert not wide.response.outcome.overturned
+    foot = float(wide.trajectory.position[:, 0].min()) - 0.3
+    for over in (0.02, 0.1, 0.28):
+        found = on_ground_from(foot + over).response.outcome
+        assert found in (wide.response.outcome, Outcome.UNSETTLED)
+
+
 @pytest.mark.parametrize("drop", [0.11, 0.12])
 def test_a_rock_that_sinks_has_toppled(drop: float) -> None:
     """It slides, upright, down a ramp to a lower level: toppled from 0.116 radii down."""

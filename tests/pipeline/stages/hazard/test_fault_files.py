@@ -33,6 +33,7 @@ def table(tmp_path: Path) -> Path:
         (FAULTS.replace("0.012", "5"), "rate_per_year: got 5 in row 3; a fault has at most 0.4"),
         (FAULTS.replace("7.4,25,0.012", "9.9,0,0.1"), "rate_per_year: got 0.1 in row 3"),
         (FAULTS.replace("\n", "\n#2 ", 1), "name: got '#2 .*, a row or a comment"),
+        (FAULTS.replace("\n", "\n #(2) ", 1), "name: got ' #.2. .*, a row or a comment"),
     ],
 )
 def test_what_no_table_of_faults_has_is_refused(table: Path, text: str, words: str) -> None:
