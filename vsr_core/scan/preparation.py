@@ -230,7 +230,11 @@ def _hulls(rock: trimesh.Trimesh, solid: Measure) -> Iterator[Step]:
             body,
             f"contact takes the rock for its hull, of {excess:.1%} more volume",
         ),
-        ("hull on the seat", on_its_seat(body), "all corners of the base stay"),
+        (
+            "hull on the seat",
+            on_its_seat(body),
+            "all corners of the base stay, and all of the rock where the seat is whole",
+        ),
         ("hull in flight", in_flight(body), "once it has toppled"),
     ):
         hull = trimesh.Trimesh(other.vertices + centre).convex_hull
