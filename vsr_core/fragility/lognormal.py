@@ -115,20 +115,14 @@ class LognormalFragility(FragilityModel):
         That of a row without a verdict has no end where such a row is beside it, nor its median.
         """
         above, below = (np.equal(self.status, name) for name in ("above", "below"))
-        found = {}
-        for name in ("theta", "median"):
-            low, high = ends[name]
-            low, high = (
-                np.where(self._beside(below), 0.0, low),
-                np.where(self._beside(above), np.inf, high),
-            )
-            found[name] = low, high
-        low, high = found["theta"]
-        found["theta"] = (
-            np.where(above, np.exp(self._ends[0]), low),
-            np.where(below, np.exp(self._ends[1]), high),
-        )
-        return ends | found
+        bottom, top = self._beside(below), self._beside(above)
+        found = {
+            name: (np.where(bottom, 0.0, ends[name][0]), np.where(top, np.inf, ends[name][1]))
+            for name in ("theta", "median")
+        }
+        (low, high), (last, first) = found["theta"], np.exp(self._ends)
+        theta = np.where(above, last, low), np.where(below, first, high)
+        return ends | found | {"theta": theta}
 
     def _beside(self, rows: Mask) -> Mask:
         """Rows, and those without a verdict between which and these there is no other."""
