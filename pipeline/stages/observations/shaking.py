@@ -84,12 +84,12 @@ class ShakenBy(FilesInput):
             every = formats.read_all(content, path.suffix, reading)
             record = repaired(every.channel(test.component))
             check_directions({"x": record})
-            check_end(Trace(record.acceleration, record.interval))
+            told = check_end(Trace(record.acceleration, record.interval))
         except InvalidInput as error:
             given = f"{shown(path)}, {error.given}"
             problem = Problem(self.file, key_of(number), given, error.rule, error.remedy)
             raise InputError(problem) from None
-        return record
+        return replace(record, repairs=(*record.repairs, *told))
 
 
 def _digests(tests: Iterable[tuple[int, Path, ShakeTest]]) -> dict[str, str]:

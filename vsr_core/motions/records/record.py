@@ -292,13 +292,20 @@ def check_rest(trace: Trace) -> None:
         raise InvalidInput(given, f"it comes to rest, to {DRIFT:.0%} and {OFFSET:.0%}", remedy)
 
 
-END, TILTED = 0.1, 0.02
-"""Share of the samples of a motion that are its end, and their mean acceleration, as a share of its
-PGA, in one that was made so: more is as a ground that stays tilted."""
+END = 0.1
+"""Acceleration at the end of a motion that was made so, as a share of its PGA: the mean of this
+share of its samples."""
+
+TILTED = 0.02
+"""The same from which on it is told."""
 
 
-def check_end(trace: Trace) -> None:
+def check_end(trace: Trace) -> tuple[str, ...]:
     """Refuse a motion, taken as it was made, that is under way and accelerated at its end.
+
+    Returns
+    -------
+    tuple of str, what is to be told of one that is so a little: it acts as a lasting tilt
 
     Raises
     ------
@@ -307,10 +314,17 @@ def check_end(trace: Trace) -> None:
     acceleration, velocity = trace.acceleration, trace.velocity
     last = float(acceleration[-max(1, int(END * len(acceleration))) :].mean())
     drifts = abs(float(velocity[-1])) > DRIFT * float(np.abs(velocity).max())
-    if drifts and abs(last) > TILTED * float(np.abs(acceleration).max()):
-        given = f"a motion that ends with {last / GRAVITY:.2g} g"
-        remedy = "take off the instrument's offset, or give the record to its end"
+    share = abs(last) / float(np.abs(acceleration).max())
+    if not drifts or share <= TILTED:
+        return ()
+    given, remedy = (
+        f"a motion that ends with {last / GRAVITY:.2g} g",
+        "take off the instrument's offset",
+    )
+    if share > END:
+        remedy += ", or give the record to its end"
         raise InvalidInput(given, "the ground rests before and after", remedy)
+    return (f"{given}, {share:.0%} of its PGA: as a lasting tilt; {remedy}, if it is one",)
 
 
 def _bridged(record: Record) -> Record:
