@@ -223,7 +223,7 @@ def table(path: Path, lines: str, named: Callable[[str], str] = str.strip) -> li
         raise refused(path, "", given, "it is a table in CSV") from None
     names = [named(name) for name in rows[0]] if rows else []
     for line in filter(_HIDDEN, lines_of(lines)):
-        if is_comment(line) and line.count(",") == len(names) - 1:
+        if is_comment(line) and line.count(",") == len(names) - 1 > 0:  # one number has no name
             given = f"{line[:40]!r}, a row or a comment"
             remedy = "put a name that begins with # in quotes, or a blank behind the # of a comment"
             raise refused(path, names[0], given, "it is one of them", remedy)

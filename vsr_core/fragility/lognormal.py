@@ -113,6 +113,7 @@ class LognormalFragility(FragilityModel):
         """As of the base: theta of what never topples is above the last PGA at which it stood.
 
         That of a row without a verdict has no end where such a row is beside it, nor its median.
+        The median of what never topples is beyond the grid if it stood at its last PGA.
         """
         above, below = (np.equal(self.status, name) for name in ("above", "below"))
         bottom, top = self._beside(below), self._beside(above)
@@ -121,8 +122,11 @@ class LognormalFragility(FragilityModel):
             for name in ("theta", "median")
         }
         (low, high), (last, first) = found["theta"], np.exp(self._ends)
-        theta = np.where(above, last, low), np.where(below, first, high)
-        return ends | found | {"theta": theta}
+        found["theta"] = np.where(above, last, low), np.where(below, first, high)
+        within, (low, high) = np.exp(self.cells.ln_pga[[0, -1]]), found["median"]
+        low = np.where(above & (last < within[1]), last, low)
+        found["median"] = low, np.where(below & (first > within[0]), first, high)
+        return ends | found
 
     def _beside(self, rows: Mask) -> Mask:
         """Rows, and those without a verdict between which and these there is no other."""

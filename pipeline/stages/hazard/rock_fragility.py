@@ -22,6 +22,9 @@ FITTED, DRAWN = "fits", "members"
 """Origin of the range of a survival probability: intervals of fits, or members of an ensemble."""
 
 
+MOST_BELOW = 0.01
+"""Share of the boundaries of draws below the least PGA tried, at most."""
+
 _ALIKE = 1e-6
 """Difference of ln PGV/PGA up to which rows are one: a record and its mirror image."""
 
@@ -132,8 +135,8 @@ def of_members(data: xr.Dataset) -> RockFragility:
     Parameters
     ----------
     data : Dataset
-        ``member_boundary`` on (member, yaw, pgv_pga), ``overturned`` on (member, yaw, pgv_pga,
-        pga), -1 where unresolved, and the lognormal fits ``theta`` and ``beta`` on (yaw, pgv_pga),
+        ``member_boundary`` and its ends on (member, yaw, pgv_pga), ``overturned`` on these and
+        pga, -1 where unresolved, and the lognormal fits ``theta`` and ``beta`` on (yaw, pgv_pga),
         by which all go on beyond the PGA that was tried: below it, draws that slide and never
         topple would be counted as some that topple a little beyond. Rows without a verdict go by
         the fits, which lie between their neighbours there.
@@ -141,8 +144,13 @@ def of_members(data: xr.Dataset) -> RockFragility:
     Raises
     ------
     InputError
-        If no direction has a fragility.
+        If no direction has a fragility, or too many draws topple at the least PGA that was tried.
     """
+    below = np.isnan(data["member_boundary_lower"]) & np.isfinite(data["member_boundary_upper"])
+    if (share := float(below.mean())) > MOST_BELOW:
+        given = f"{share:.0%} of the boundaries of its draws below {_searched(data)[0]:g} g"
+        rule = f"at most {MOST_BELOW:.0%} lie below the least PGA tried, where they are assumed"
+        raise InputError(Problem("uncertainty.nc", "fragility.lowest", given, rule, "lower it"))
     row = rows_of(data)
     ratio = "pgv_pga" if row == "pgv_pga" else "record_pgv_pga"
     data = data.isel({row: np.argsort(data[ratio].values, kind="stable")})

@@ -89,7 +89,7 @@ def find(origin: Origin, files: tuple[str, ...]) -> list[Path]:
     found: list[Path] = []
     for name in files:
         path = located(origin.folder_of(_FILES), name, origin.file_of(_FILES), _FILES)
-        inside = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
+        inside = sorted(p for p in path.glob("[!.]*") if p.suffix.lower() in SUFFIXES)
         if not path.exists():
             raise not_found(origin.file_of(_FILES), _FILES, shown(path))
         if path.is_dir() and not inside:

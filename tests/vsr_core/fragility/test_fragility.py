@@ -409,6 +409,15 @@ def test_a_row_without_a_verdict_has_the_median_of_its_interval():
     np.testing.assert_allclose(model.median[[1, 3]], np.sqrt(0.08))
 
 
+def test_the_median_of_a_row_of_one_outcome_is_bounded_by_its_last_run():
+    """Cells without a verdict lie beyond it."""
+    none = np.nan
+    grid = [[0, 0, none, none], [0, 0, 1, 1], [none, none, 1, 1], [0] * 4, [1] * 4]
+    model = fit_all([0.1, 0.2, 0.4, 0.8], 0.1 * np.arange(1, 6), grid).model("lognormal")
+    np.testing.assert_allclose(model.median_lower[[0, 2, 3, 4]], [0.2, 0.0, np.inf, 0.0])
+    np.testing.assert_allclose(model.median_upper[[0, 2, 3, 4]], [np.inf, 0.4, np.inf, 0.0])
+
+
 # --- smooth ------------------------------------------------------------------------------------
 
 

@@ -68,8 +68,10 @@ def of_curves(hazard: HazardModel, *rocks: DatedRock, component: float = 1.0) ->
 
 
 def numbered(data: xr.Dataset, seeds: Sequence[int] = ()) -> xr.Dataset:
-    """The same with the seeds of its members, each another unless some are given."""
-    return data.assign(drawn_seed=("member", list(seeds or range(data.sizes["member"]))))
+    """The same with the seeds of its members, each another unless some are given, and brackets."""
+    seed, edges = ("member", list(seeds or range(data.sizes["member"]))), data["member_boundary"]
+    brackets = {f"member_boundary_{end}": edges for end in ("lower", "upper")}
+    return data.assign(brackets | {"drawn_seed": seed})
 
 
 def ensemble(thresholds: list[float], number: int = 80, seeds: Sequence[int] = ()) -> RockFragility:
@@ -520,6 +522,25 @@ def test_a_member_falls_from_its_boundary_on_also_between_the_cells() -> None:
     (member,) = of_members(numbered(data)).others
     levels = GRAVITY * np.array([0.25, 0.299, 0.301, 0.45, 0.7, 0.9, 1.3, 3.0])
     np.testing.assert_array_equal(member(levels)[0], [0, 0, 1, 1, 0, 0, 1, 1])
+
+
+def test_draws_that_topple_at_the_least_pga_are_no_fragility() -> None:
+    """Where below it they do is assumed, and more draws that do would make it surer."""
+    edges = np.full((4, 1, 1), 0.3)
+    data = xr.Dataset(
+        {
+            "overturned": (("member", "yaw", "pgv_pga", "pga"), np.ones((4, 1, 1, 2))),
+            "member_boundary": (("member", "yaw", "pgv_pga"), edges),
+            "theta": (("yaw", "pgv_pga"), [[0.3]]),
+            "beta": (("yaw", "pgv_pga"), [[0.1]]),
+        },
+        {"yaw": [0.0], "pgv_pga": [0.1], "pga": [0.34, 0.5]},
+        {"searched_from_g": 0.34, "searched_to_g": 4.0},
+    )
+    data = numbered(data)
+    data["member_boundary_lower"] = data["member_boundary"].where(np.arange(4)[:, None, None] > 0)
+    with pytest.raises(InputError, match=r"fragility\.lowest: got 25% of the boundaries"):
+        of_members(data)
 
 
 def test_a_kept_and_a_rejected_branch_by_hand() -> None:
