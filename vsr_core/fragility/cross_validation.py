@@ -75,7 +75,7 @@ def cross_validate(model: FragilityModel) -> Scores:
     Returns
     -------
     Scores
-        NaN with fewer rows than the model takes.
+        NaN with fewer than two rows.
     """
     cells = model.cells
     if cells.usable.sum() < 2:

@@ -100,6 +100,7 @@ class LognormalFragility(FragilityModel):
         values = np.repeat(self._row_values[None], len(row_weights), axis=0)
         values[..., 0] += self._half_width * rng.uniform(-1.0, 1.0, shape)
         values += self._errors * rng.standard_normal((*shape, 2))
+        values[..., 1] = np.minimum(values[..., 1], np.log(MAX_BETA))
         for member, weights in zip(values, row_weights, strict=True):
             kept = self._sources & (weights > 0)
             self._fill(member, ~self.cells.usable, kept if kept.any() else self._sources)
@@ -131,6 +132,8 @@ class LognormalFragility(FragilityModel):
     def _beside(self, rows: Mask) -> Mask:
         """Rows, and those without a verdict between which and these there is no other."""
         usable, ln_ratio = self.cells.usable, self.cells.ln_ratio
+        if not usable.any():
+            return rows
         share = _means(ln_ratio[usable], rows[usable].astype(np.float64))
         return rows | (~usable & (np.interp(ln_ratio, *share) > 0.0))
 
@@ -150,7 +153,7 @@ class LognormalFragility(FragilityModel):
     def _fill(self, values: Array, rows: Mask, by: Mask) -> None:
         """Interpolate the values, shape (n_ratio, 2), of rows; those of one PGV/PGA count alike."""
         ln_ratio = self.cells.ln_ratio
-        for column in values.T:
+        for column in values.T if by.any() else ():
             column[rows] = np.interp(ln_ratio[rows], *_means(ln_ratio[by], column[by]))
 
     def _threshold(self, row: int) -> tuple[str, float, float]:

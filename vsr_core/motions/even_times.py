@@ -34,7 +34,8 @@ def places(times: Array) -> tuple[Indices, float]:
     late = np.abs(elapsed - found * interval) / interval
     allowed = np.clip(written / interval, UNEVEN, COARSE)
     fits = not ((late > allowed).any() or (np.diff(found) < 1).any())
-    if complete and not fits:
+    lost = int(found[-1]) + 1 - len(found)
+    if complete and not (fits and lost):
         return np.arange(len(times)), complete
     if not fits:
         raise InvalidInput(
@@ -43,7 +44,6 @@ def places(times: Array) -> tuple[Indices, float]:
             f"all are equal to {UNEVEN:.0%}, or to the last digit that is written",
             "resample the record to equal steps, band-limited",
         )
-    lost = int(found[-1]) + 1 - len(found)
     gaps = int((np.diff(found) > 1).sum())
     if lost and (complete or gaps > MOST_GAPS * len(found)):
         other = f" or {1.0 / complete:.4g} Hz with none left out" if complete else ""

@@ -283,6 +283,13 @@ def test_changes_that_tell_no_slope_bound_the_median_of_their_row(last: float) -
     assert (high < 0.71).all()
 
 
+def test_a_row_of_which_no_two_runs_beside_each_other_are_decided() -> None:
+    known = Known.of([0] * 6, [0.05, 0.1, 0.2, 0.3, 0.42, 0.437], [0, 0, -1, -1, -1, 1])
+    found = fit_all([0.05, 0.1, 0.437], [0.136], [[0, 0, 1]], known)
+    theta = found.model("lognormal").parameters[0]
+    assert 0.1 < theta.value[0] < 0.437
+
+
 def test_an_island_is_no_step() -> None:
     """The second row topples between 0.3 and 0.32 g, and stands up to 1 g."""
     pga = np.array([0.1, 0.3, 0.305, 0.315, 0.32, 0.4, 0.5, 0.6, 0.8, 1.0])

@@ -169,6 +169,13 @@ def test_times_of_few_digits_leave_none_out(rate: float, digits: int) -> None:
     assert found.repairs == ()
 
 
+def test_a_short_table_is_of_the_step_of_all_its_times() -> None:
+    """At its end 33 Hz would do, too."""
+    rows = [f"{0.03 * place:.2f},{place % 7}" for place in range(30)]
+    found = read_table("\n".join(["time,a [m/s2]", *rows]), None, None)
+    assert found.interval == pytest.approx(0.03, rel=1e-9)
+
+
 @pytest.mark.parametrize("place", [2, 400, 1000])
 def test_one_that_is_left_out_is_a_gap_however_few_digits(place: int) -> None:
     found = read_table(few_digits(100.0, 2, place), None, None)
