@@ -18,6 +18,7 @@ from pipeline.bundles.layout import RESULTS, about, opened, unpack
 from pipeline.config.outside import check_heaps
 from pipeline.config.problems import InputError, Problem, printable
 from pipeline.workflow import output, pages
+from pipeline.workflow.datasets import open_below
 from pipeline.workflow.grammar import counted, listed
 from pipeline.workflow.parameters import changes
 from pipeline.workflow.site_folder import SETTINGS, require_whole, told
@@ -213,7 +214,7 @@ def _both(one: Store, other: Store, file: str, name: str) -> Both | None:
         return None
     paths = [store.folder / file for store in stores]
     try:
-        a, b = (_in(_read(path, name), name) for path in paths)
+        a, b = (open_below(_read(path, name), name) for path in paths)
         if a.dims != b.dims:
             none = xr.DataArray(np.empty(0))
             first, second = (listed([str(axis) for axis in one.dims]) for one in (a, b))
@@ -226,14 +227,6 @@ def _both(one: Store, other: Store, file: str, name: str) -> Both | None:
     except (KeyError, ValueError, TypeError) as error:
         raise _unusable(file, name, error) from None
     return Both((a, b), notes)
-
-
-def _in(data: xr.Dataset, name: str) -> xr.DataArray:
-    """A variable; 0 for a first-overturning PGA below all that was run, of which one is assumed."""
-    lower = data.get(f"{name}_lower")
-    if lower is None:
-        return data[name]
-    return data[name].where(lower.notnull() | ~np.isfinite(data[name]), 0.0)
 
 
 def _matched(a: xr.DataArray, b: xr.DataArray, axis: str) -> tuple[xr.DataArray, xr.DataArray, str]:

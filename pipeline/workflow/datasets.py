@@ -186,6 +186,14 @@ def rows_of(dataset: xr.Dataset) -> str:
     return "record" if "record" in dataset.dims else "pgv_pga"
 
 
+def open_below(dataset: xr.Dataset, name: str) -> xr.DataArray:
+    """A variable; 0 for a first-overturning PGA below all that was run, of which one is assumed."""
+    lower = dataset.get(f"{name}_lower")
+    if lower is None:
+        return dataset[name]
+    return dataset[name].where(lower.notnull() | ~np.isfinite(dataset[name]), 0.0)
+
+
 def split(dataset: xr.Dataset, size: str, sample: str = "sample") -> list[xr.Dataset]:
     """The records, runs or cases of a ragged dataset, each with its own samples.
 

@@ -13,7 +13,7 @@ from pipeline.config import in_si
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, Answered
 from pipeline.stages.fragility.summary import SEARCHED, Fits
-from pipeline.workflow.datasets import rows_of
+from pipeline.workflow.datasets import open_below, rows_of
 from vsr_core.arrays import Array, Indices
 from vsr_core.hazard.toppling import RowFragility, continued_rows, lognormal_rows
 from vsr_core.validation.priors import FIRST_SEED
@@ -146,7 +146,7 @@ def of_members(data: xr.Dataset) -> RockFragility:
     InputError
         If no direction has a fragility, or too many draws topple at the least PGA that was tried.
     """
-    below = np.isnan(data["member_boundary_lower"]) & np.isfinite(data["member_boundary_upper"])
+    below = open_below(data, "member_boundary") == 0.0
     if (share := float(below.mean())) > MOST_BELOW:
         given = f"{share:.0%} of the boundaries of its draws below {_searched(data)[0]:g} g"
         rule = f"at most {MOST_BELOW:.0%} lie below the least PGA tried, where they are assumed"

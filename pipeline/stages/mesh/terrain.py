@@ -54,17 +54,16 @@ def make(
         held = held_toward(scenes[0], seating.longest_step(rock, engine.name), engine.name)
     except InvalidInput as error:
         raise _refusal(work.origin, error, own_file=scan is None) from None
-    complete = seating.whole_ground(data)
+    scanned = seating.whole_ground(data)
     starts = [scene.start for scene in scenes if scene.start is not None]
-    dataset = _dataset(complete, laid, terrain, starts).assign_coords(
-        friction=list(contact.friction)
-    )
+    dataset = _dataset(scanned, laid, terrain, starts)
+    dataset = dataset.assign_coords(friction=list(contact.friction))
     seat_note, held_note = _bears(laid, height - rock.height), _holds(held)
     dataset.attrs["origin_in_scan"] = data.attrs["origin_in_scan"]
     dataset.attrs |= {"seat": seat_note, "held": held_note, "whole_seam": int(whole)}
     if held_note:
         work.log(f"{work.stage}: {held_note}")
-    note = f"{len(complete.faces)} faces, {len(terrain.faces)} of which stand for it in runs"
+    note = f"{len(scanned.faces)} faces, {len(terrain.faces)} of which stand for it in runs"
     return Product(
         {TerrainData.FILE: netcdf(described(dataset, work, "Terrain"))}, f"{note}; {seat_note}"
     )

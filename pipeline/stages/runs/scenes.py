@@ -69,10 +69,8 @@ class Scenes:
     @cached_property
     def seated_rock(self) -> Rock:
         """The rock as it stands on its seat in runs."""
-        whole, reduce = (
-            bool(self.ground and self.ground.whole_seam),
-            self.settings.simulation.reduce,
-        )
+        whole = self.ground is not None and self.ground.whole_seam
+        reduce = self.settings.simulation.reduce
         return seating.seated(self.rock, reduce=reduce, whole_seam=whole)
 
     @cached_property

@@ -18,7 +18,7 @@ from pipeline.stages.uncertainty import unknowns
 from pipeline.stages.uncertainty.draw_step import DrawStep
 from pipeline.stages.uncertainty.draws import Observed
 from pipeline.stages.uncertainty.ensemble import CHECKED, FOLLOWED, REACH
-from pipeline.workflow.datasets import label, rows_of
+from pipeline.workflow.datasets import label, open_below, rows_of
 from pipeline.workflow.grammar import listed
 from vsr_core.arrays import Array
 from vsr_core.outcome import FoundBy
@@ -145,8 +145,7 @@ def by_seat(found: xr.Dataset, boundary: xr.Dataset) -> list[dict[str, Any]]:
     drawn = found["drawn_seat"].values
     kinds = {key: drawn == key for key in ("rim", "whole")}
     kinds["points"] = ~(kinds["rim"] | kinds["whole"])
-    lowest = np.isnan(found["member_boundary_lower"]) & np.isfinite(found["member_boundary_upper"])
-    edges = found["member_boundary"].where(~lowest, 0.0).values  # no more is known of those
+    edges = open_below(found, "member_boundary").values
     own = boundary["first_overturning_pga"].values
     ratio = edges / np.where(np.isfinite(own), own, np.nan)  # else it would be none of all
     rows = []

@@ -317,10 +317,8 @@ def check_end(trace: Trace) -> tuple[str, ...]:
     share = abs(last) / float(np.abs(acceleration).max())
     if not drifts or share <= TILTED:
         return ()
-    given, remedy = (
-        f"a motion that ends with {last / GRAVITY:.2g} g",
-        "take off the instrument's offset",
-    )
+    given = f"a motion that ends with {last / GRAVITY:.2g} g"
+    remedy = "take off the instrument's offset"
     if share > END:
         remedy += ", or give the record to its end"
         raise InvalidInput(given, "the ground rests before and after", remedy)
