@@ -20,7 +20,7 @@ from vsr_core.engines import load
 from vsr_core.scan import weighing
 from vsr_core.source import tracing
 
-STEP = "simulation: {engine: bullet, time_step: 0.001}\n"
+STEP = "simulation: {time_step: 0.001}\n"
 BOX = "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}\n"
 
 

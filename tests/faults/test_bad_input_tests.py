@@ -52,7 +52,7 @@ WRONG_OUTCOMES = {
     HEAD + "1,a,0.2,1e308,0\n": ("pgv_pga_s", "1e308", "equal to 10"),
     HEAD + "1.5,a,0.2,0.3,0\n": ("test", "a whole one"),
     HEAD + '"1,a,0.2,0.3,0\n': ("cannot be read",),
-    HEAD + "1,a,0.2,0.3,perhaps\n2,a,0.5,0.3,1\n": ("specimen1", "'perhaps' in row 1"),
+    HEAD + "2,a,0.5,0.3,1\n1,a,0.2,0.3,perhaps\n": ("specimen1", "'perhaps' of test 1"),
 }
 
 
@@ -64,7 +64,7 @@ WRONG_OUTCOMES |= {
     BOTH.replace("pgv_pga_s", "pga_g"): ("pga_g", "a column twice"),
     BOTH.removesuffix("1\n"): ("a last line that ends in ''",),
     BOTH.replace(",a,", f",{'a' * 200_000},"): ("field larger",),
-    BOTH.replace(",0\n", ",True\n"): ("specimen1", "'True' in row 1"),
+    BOTH.replace(",0\n", ",True\n"): ("specimen1", "'True' of test 1"),
 }
 
 

@@ -37,7 +37,7 @@ rock: {shape: mesh, mesh: scan.ply, density: 2000}
 pedestal: {shape: mesh, cut: {kind: plane, point: POINT, normal: NORMAL}}
 motion: {pga: [0.01, 0.9, 1.0, 1.2], pgv_pga: [0.2, 0.25, 0.35]}
 yaw: 40
-simulation: {engine: bullet, time_step: 0.0015}
+simulation: {time_step: 0.0015}
 """
 EMPTY = Figure(figsize=(0.1, 0.1))
 """In place of pictures that have tests of their own."""

@@ -331,7 +331,7 @@ def test_a_second_call_runs_nothing(
         ({"outcomes": "test,pga_g\n1,0.2"}, ("outcomes.csv", "pgv_pga_s")),
         (
             {"outcomes": "test,ground_motion,pga_g,pgv_pga_s,specimen1\n1,a,0.2,0.3,2"},
-            ("outcomes.csv", "specimen1", "'2' in row 1"),
+            ("outcomes.csv", "specimen1", "'2' of test 1"),
         ),
         (
             {"outcomes": "test,ground_motion,pga_g,pgv_pga_s\n77,a,0.2,0.3"},

@@ -6,6 +6,7 @@ import numpy as np
 
 from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
+from vsr_core.motions import digits
 
 UNEVEN = 0.02
 """Farthest time from an even grid, as a share of the step."""
@@ -27,7 +28,7 @@ def places(times: Array) -> tuple[Indices, float]:
     InvalidInput
         If a time is between two places, or they may be of another rate.
     """
-    elapsed, written = times - times[0], _printed(times)
+    elapsed, written = times - times[0], digits.last(times)
     complete = _complete(elapsed, float(written.min()))
     interval = _interval(elapsed, float(written[-1]))
     found = np.rint(elapsed / interval).astype(np.int64)
@@ -112,12 +113,3 @@ def _interval(elapsed: Array, written: float) -> float:
     if rate and abs(round(end / interval) / rate - end) <= written:
         return 1.0 / rate
     return interval
-
-
-def _printed(times: Array) -> Array:
-    """Unit in the last digit written of each time [s]: of fixed decimals, or of fixed digits."""
-    numbers = [f"{time:.12g}" for time in times.tolist()]
-    digits = max(len(word.replace(".", "").lstrip("0")) for word in numbers)
-    decimals = max(len(word.partition(".")[2]) for word in numbers)
-    leading = np.floor(np.log10(np.maximum(np.abs(times), 1e-12)))
-    return np.maximum(10.0 ** (leading + 1 - digits), 10.0**-decimals)

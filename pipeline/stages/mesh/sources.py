@@ -134,9 +134,14 @@ def find_ground(pedestal: PedestalConfig, origin: Origin) -> GroundFile | None:
 
 
 def _file(section: str, name: str, fallback: str | None, origin: Origin) -> Path | None:
-    """The mesh that a section names by its path or its folder; None where there is none."""
+    """The mesh that a section names by its path or its folder; None where there is none.
+
+    A fallback is that of the mesh beside which it stands: no other is replaced.
+    """
     key = f"{section}.mesh"
     file = origin.file_of(key)
+    if file != origin.file_of(f"{section}.fallback"):
+        fallback = None
     path = located(origin.folder_of(key), name, file, key)
     is_folder = path.is_dir() or not (path.exists() or path.suffix)
     if is_folder or (not path.exists() and fallback):

@@ -654,6 +654,20 @@ def test_clipping_is_refused(limit: float) -> None:
     refusal(lambda: repaired(record(np.maximum(VALUES, -top))), "in a row", "clipped")
 
 
+@pytest.mark.parametrize("places", [[100], [37, 251], [100, 101], [0], [399]])
+@pytest.mark.parametrize(("mark", "unit"), [(-999.0, "gal"), (999.99, "cm/s2"), (-9999.0, "mm/s2")])
+def test_marks_of_missing_samples_are_no_samples(places: list[int], mark: float, unit: str) -> None:
+    marked = VALUES.copy()
+    marked[places] = mark * factor(unit)
+    said = f"{mark:g} ({unit}) at {places[0] * STEP:g} s"
+    refusal(lambda: repaired(replace(record(marked), unit=unit)), said, "leave out")
+
+
+def test_a_peak_that_happens_to_be_all_nines_is_one() -> None:
+    one = replace(record(9.99 * VALUES / VALUES.max()), unit="gal")
+    assert repaired(one) is one
+
+
 def test_a_smooth_top_of_rounded_samples_is_no_clipping() -> None:
     t = np.arange(4000) * 0.001
     smooth = np.round(np.cos(2.0 * np.pi * t), 4)  # five in a row at the very top

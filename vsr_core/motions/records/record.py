@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vsr_core import GRAVITY
-from vsr_core.arrays import Array, Mask
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
+from vsr_core.motions import digits
 from vsr_core.motions.named_columns import MOST_SAMPLES
 from vsr_core.motions.records.trace import Trace
 
@@ -253,12 +254,14 @@ def repaired(record: Record) -> Record:
     Raises
     ------
     InvalidInput
-        For a record with no motion, long gaps, flat tops, or a PGA that shows another unit.
+        For a record with no motion, long gaps, marks of them, flat tops, or a PGA in another unit.
     """
     record = _bridged(record)
     values = record.acceleration
     if not len(values) or np.ptp(values) == 0.0:
         raise InvalidInput("a record whose samples are all alike", "it moves", "use another record")
+    if is_acceleration(record.unit):
+        digits.refuse_mark(values / factor(record.unit), record.unit, record.interval)
     clipped = _flat_top(values)
     if clipped:
         given = f"{clipped} samples in a row at the record's extreme"
@@ -341,7 +344,7 @@ def _bridged(record: Record) -> Record:
     if cut:
         repairs.append(f"{cut} missing samples at the ends were cut")
     values, known = values[first : last + 1], known[first : last + 1]
-    for start, length in _runs(~known):
+    for start, length in digits.runs(~known):
         if length * record.interval > LONGEST_GAP:
             raise InvalidInput(
                 f"a gap of {length} samples, {length * record.interval:.3g} s, at "
@@ -363,7 +366,7 @@ def _flat_top(values: Array) -> int:
     least = float(moves.min())
     longest = 0
     for extreme in (values.max(), values.min()):
-        for start, length in _runs(values == extreme):
+        for start, length in digits.runs(values == extreme):
             if length < FLAT_TOP:
                 continue
             before = steps[start - 1] if start else 0.0
@@ -371,9 +374,3 @@ def _flat_top(values: Array) -> int:
             if max(before, after) > ABRUPT * least:
                 longest = max(longest, length)
     return longest
-
-
-def _runs(flags: Mask) -> list[tuple[int, int]]:
-    """Start and length of each run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

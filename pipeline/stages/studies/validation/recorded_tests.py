@@ -361,9 +361,9 @@ def _flags(
     path: Path, cells: list[dict[str, str]], name: str, known: dict[str, int]
 ) -> tuple[int, ...]:
     """A column of outcomes; -1 for an empty cell where those are known."""
-    for number, row in enumerate(cells, start=1):
+    for row in cells:
         if row[name] not in known:
             rule = "1 is overturned, 0 not" + (", empty a test to predict" if "" in known else "")
-            given = f"{row[name]!r} in row {number}"
+            given = f"{row[name]!r} of test {row['test']}"
             raise refused(path, name, given, rule, "correct the column")
     return tuple(known[row[name]] for row in cells)

@@ -232,6 +232,15 @@ def test_unknown_surrogate(tmp_path: Path, refused: Refused) -> None:
     refused("run", "rock", "--site", where, words=("rock.fallback", "rosetta_stone", "double_rock"))
 
 
+def test_a_surrogate_stands_for_the_scan_beside_which_it_is_named(
+    tmp_path: Path, refused: Refused, vsr: Callable[..., object]
+) -> None:
+    where = site(tmp_path, "nowhere/", ", fallback: double_rock")
+    mistyped = ("run", "rock", "--site", where, "--set", "rock.mesh=mine.ply")
+    refused(*mistyped, words=("rock.mesh", "file not found", "mine.ply"))
+    assert vsr(*mistyped, "--set", "rock.fallback=double_rock").code == 0
+
+
 def test_a_refused_scan_leaves_the_products_of_the_last_good_one(
     tmp_path: Path, vsr: Callable[..., object], derived: Path
 ) -> None:

@@ -67,6 +67,61 @@ def test_netcdf_and_csv_are_the_same_motion(tmp_path: Path) -> None:
     assert not one.samples[:, [1, 2, 4, 5]].any()
 
 
+FREQUENT = np.arange(0.0, 3.0, 0.01)
+PULSE = 0.1 * np.sin(np.pi * np.clip(FREQUENT - 0.5, 0.0, 1.5) / 1.5) ** 4
+
+
+@pytest.mark.parametrize("digits", ["{:.7f}", "{:.8f}", "{:.10e}"])
+def test_the_pga_of_rounded_positions_is_that_of_exact_ones(digits: str, tmp_path: Path) -> None:
+    """Or else they are refused: see the next test."""
+    rounded = [float(digits.format(one)) for one in PULSE]
+    motion = load(write(tmp_path / "table.csv", "time [s],x [m]", FREQUENT, rounded))
+    phase = np.linspace(0.0, np.pi, 10_001)  # (sin^4)'' = 4 sin^2 (3 cos^2 - sin^2)
+    exact = np.abs(4.0 * np.sin(phase) ** 2 * (3.0 - 4.0 * np.sin(phase) ** 2)).max()
+    exact *= 0.1 * (np.pi / 1.5) ** 2
+    assert motion.peak_acceleration == pytest.approx(exact, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("kept", "unit"),
+    [
+        (lambda way: np.round(way, 4), "m"),
+        (lambda way: np.round(1e3 * way), "mm"),
+        (lambda way: [float(f"{one:.3e}") for one in way], "m"),
+        (lambda way: np.round(np.degrees(way), 2), "degree"),
+    ],
+)
+def test_positions_whose_last_digit_shakes_the_table_are_refused(
+    kept: Callable[[np.ndarray], np.ndarray], unit: str, tmp_path: Path
+) -> None:
+    axis = "roll" if unit == "degree" else "x"
+    path = write(tmp_path / "table.csv", f"time [s],{axis} [{unit}]", FREQUENT, kept(PULSE))
+    with pytest.raises(InvalidInput, match="last digits alone make"):
+        load(path)
+
+
+def test_positions_of_single_precision_shake_a_table_that_is_told_of_often(tmp_path: Path) -> None:
+    often = np.arange(0.0, 3.0, 0.0001)
+    way = 0.1 * np.sin(np.pi * np.clip(often - 0.5, 0.0, 1.5) / 1.5) ** 4
+    for kind, taken in (("f8", True), ("f4", False)):
+        columns = {"x": ("time", way.astype(kind), {"units": "m"})}
+        data = xr.Dataset(columns, {"time": ("time", often, {"units": "s"})})
+        data.to_netcdf(tmp_path / f"{kind}.nc")
+        if taken:
+            load(tmp_path / f"{kind}.nc")
+        else:
+            with pytest.raises(InvalidInput, match="last digits"):
+                load(tmp_path / f"{kind}.nc")
+
+
+def test_a_mark_of_a_missing_sample_is_no_position(tmp_path: Path) -> None:
+    way = 1e3 * PULSE
+    way[290] = -999.0
+    path = write(tmp_path / "table.csv", "time [s],x [mm]", FREQUENT, way)
+    with pytest.raises(InvalidInput, match=r"-999 \(x\) at 2\.9 s"):
+        load(path)
+
+
 def test_without_an_angle_it_does_not_turn(tmp_path: Path) -> None:
     motion = load(write(tmp_path / "table.csv", "time [s],x [m],z [m]", TIME, SWELL, -SWELL))
     assert not motion.turns
@@ -185,7 +240,8 @@ def test_runs_of_motions_in_several_axes(
     site: str, vsr: Callable[..., Ran], derived: Path, tmp_path: Path
 ) -> None:
     """Products have a row for each file; the outcome is that of the same run by hand."""
-    assert vsr("run", "fragility", "--site", site, "--workers", "0").code == 0
+    bullet = ("--set", "simulation.engine=bullet")
+    assert vsr("run", "fragility", "--site", site, *bullet, "--workers", "0").code == 0
     data = xr.load_dataset(derived / "rock" / "responses.nc")
     assert data["outcome"].dims == ("yaw", "friction", "record", "pga")
     assert sorted(data["record"].values) == ["shaking", "tilting"]
@@ -205,7 +261,7 @@ def test_runs_of_motions_in_several_axes(
     assert (data["overturned"].sel(record="shaking", pga=1.2) == 1).all()
     page = (derived / "rock" / "report.html").read_text()
     assert "2 table motions in several axes" in " ".join(page.split())
-    assert "0 to do" in vsr("plan", "--site", site).out
+    assert "0 to do" in vsr("plan", "--site", site, *bullet).out
 
 
 def test_another_file_is_another_motion(
