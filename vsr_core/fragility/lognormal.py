@@ -9,7 +9,7 @@ from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.fragility.bisection import OUTWARD
 from vsr_core.fragility.boundary import Cells
 from vsr_core.fragility.model import Evaluate, FragilityModel, maxima, maximise
-from vsr_core.fragility.spans import STEP, Thresholds
+from vsr_core.fragility.spans import STEP, Thresholds, in_reach
 
 MAX_BETA = 2.0
 """Largest beta: P then rises from 2.5 % to 97.5 % over a factor 2500 in PGA. A row that exceeds it
@@ -54,6 +54,7 @@ class LognormalFragility(FragilityModel):
 
     def __init__(self, cells: Cells, thresholds: Thresholds | None = None) -> None:
         self.cells = cells
+        self._own = cells if thresholds is None else in_reach(cells, thresholds)
         every = range(cells.ln_ratio.size)
         rows = [
             self._threshold(row) if thresholds is None else self._resolved(thresholds, row)
@@ -74,11 +75,11 @@ class LognormalFragility(FragilityModel):
         self._row_values = np.stack([ln_theta, ln_beta], axis=1)
         self.status = tuple(status.tolist())
         self.separated = overlap.size == 0
-        usable = cells.usable
-        closed = usable & ~np.isin(status, ("above", "below"))
-        self._sources = closed if closed.any() else usable
+        self._decided = status != "undecided"
+        closed = self._decided & ~np.isin(status, ("above", "below"))
+        self._sources = closed if closed.any() else self._decided
         self.coefs = self._row_values[None].copy()
-        self._fill(self.coefs[0], ~usable, self._sources)
+        self._fill(self.coefs[0], ~self._decided, self._sources)
         counts = {key: self.status.count(key) for key in STATUS if key in self.status}
         self.method = "by row: " + ", ".join(f"{n} {key}" for key, n in counts.items())
 
@@ -86,7 +87,7 @@ class LognormalFragility(FragilityModel):
         """Interpolate again from the rows of positive weight only: no row's curve needs another."""
         values = np.repeat(self._row_values[None], len(row_weights), axis=0)
         for member, weights in zip(values, row_weights, strict=True):
-            kept = (weights > 0) & self.cells.usable
+            kept = (weights > 0) & self._decided
             self._fill(member, ~kept, kept)
         return values
 
@@ -103,7 +104,7 @@ class LognormalFragility(FragilityModel):
         values[..., 1] = np.minimum(values[..., 1], np.log(MAX_BETA))
         for member, weights in zip(values, row_weights, strict=True):
             kept = self._sources & (weights > 0)
-            self._fill(member, ~self.cells.usable, kept if kept.any() else self._sources)
+            self._fill(member, ~self._decided, kept if kept.any() else self._sources)
         return values
 
     def named(self, coefs: Array) -> dict[str, Array]:
@@ -131,11 +132,11 @@ class LognormalFragility(FragilityModel):
 
     def _beside(self, rows: Mask) -> Mask:
         """Rows, and those without a verdict between which and these there is no other."""
-        usable, ln_ratio = self.cells.usable, self.cells.ln_ratio
-        if not usable.any():
+        decided, ln_ratio = self._decided, self.cells.ln_ratio
+        if not decided.any():
             return rows
-        share = _means(ln_ratio[usable], rows[usable].astype(np.float64))
-        return rows | (~usable & (np.interp(ln_ratio, *share) > 0.0))
+        share = _means(ln_ratio[decided], rows[decided].astype(np.float64))
+        return rows | (~decided & (np.interp(ln_ratio, *share) > 0.0))
 
     def probability(self, coefs: Array, ln_pga: Array) -> Array:
         ln_theta, ln_beta = np.moveaxis(coefs[..., None], 2, 0)
@@ -180,7 +181,7 @@ class LognormalFragility(FragilityModel):
             return "undecided", np.nan, np.nan
         if np.isinf(high):
             return "above", low, low + further
-        stands = np.any(self.cells.trials[row] - self.cells.toppled[row] > 1e-9)
+        stands = np.any(self._own.trials[row] - self._own.toppled[row] > 1e-9)
         if not thresholds.single[row] and stands:  # in the cells; it may beyond
             last = thresholds.last[row]
             return ("interval", low, last) if last - low <= STEP else ("probit", np.nan, np.nan)
@@ -191,7 +192,7 @@ class LognormalFragility(FragilityModel):
         ln_pga = self.cells.ln_pga
         centre = ln_pga.mean()
         centred = ln_pga - centre
-        toppled, trials = self.cells.toppled[rows], self.cells.trials[rows]
+        toppled, trials = self._own.toppled[rows], self._own.trials[rows]
         slope = np.full(len(rows), 1.0 / MAX_BETA)
         both = np.column_stack([np.ones(centred.size), centred])
         free, converged = maximise(

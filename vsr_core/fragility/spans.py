@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,8 @@ STEP = 0.08
 """Width of a cell in ln PGA."""
 
 REACH = 2.0
-"""Factor beyond the lowest and the highest first overturning to which the cells go."""
+"""Factor beyond the lowest and the highest first overturning to which the cells go, unless a row
+has its nearest run farther away."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Thresholds:
     lower, upper : ndarray, shape (n_ratio,) [ln g]
         NaN and infinite as ``vsr_core.fragility.boundary.Boundary`` has them.
     last : ndarray, shape (n_ratio,) [ln g]
-        Above which all that is in the cells topples; NaN where some stands.
+        Above which all in reach of the first overturning topples; NaN where some stands.
     single : ndarray of bool, shape (n_ratio,), rows that change once, or never
     """
 
@@ -41,7 +42,7 @@ def thresholds(known: Known, rows: int) -> Thresholds:
     """First overturning of rows, which are the levels of the runs."""
     lower, upper = first_changes(known, rows)
     every, last = changes(known), np.full(rows, np.nan)
-    inside = every.upper <= REACH * np.max(upper, where=np.isfinite(upper), initial=0.0)
+    inside = every.upper <= REACH * upper[every.level]
     # ascending: the highest of a level remains
     ends = np.where(every.rises, every.upper, np.nan)[inside]
     last[every.level[inside]] = np.log(ends)
@@ -63,15 +64,32 @@ def shares(known: Known, pgv_pga: npt.ArrayLike) -> Cells:
     """
     ratios = np.asarray(pgv_pga, dtype=np.float64)
     upper = first_changes(known, ratios.size)[1]
-    first = np.where(np.isfinite(upper), upper, np.nan)
-    ends = first if np.isfinite(first).any() else known.pga
-    low, high = np.log([np.nanmin(ends) / REACH, np.nanmax(ends) * REACH])
+    first = upper[np.isfinite(upper)]
+    lowest, highest = _reach(np.log(first if first.size else known.pga))
+    low, high = float(lowest.min()), float(highest.max())
+    decided = known.decided
+    for row in np.unique(decided.level):
+        at = np.log(decided.pga[decided.level == row])
+        low, high = min(low, float(at.max()) - STEP), max(high, float(at.min()) + STEP)
     centres = STEP * np.arange(np.floor(low / STEP), np.ceil(high / STEP) + 1)
     borders = np.append(centres, centres[-1] + STEP) - 0.5 * STEP
     rows = [_row(known, row, borders) for row in range(ratios.size)]
     toppled, trials = (np.array(part) / STEP for part in zip(*rows, strict=True))
     trials[trials < 1e-9] = 0.0
     return Cells(centres, np.log(ratios), np.where(trials > 0.0, toppled, 0.0), trials)
+
+
+def in_reach(cells: Cells, thresholds: Thresholds) -> Cells:
+    """Of each row the cells in reach of its own first overturning, as if it were alone."""
+    low, high = _reach(np.where(np.isfinite(thresholds.upper), thresholds.upper, 0.0)[:, None])
+    own = (cells.ln_pga > low - STEP) & (cells.ln_pga < high + STEP)
+    own |= ~np.isfinite(thresholds.upper)[:, None]
+    return replace(cells, toppled=cells.toppled * own, trials=cells.trials * own)
+
+
+def _reach(ln_first: Array) -> tuple[Array, Array]:
+    """Lowest and highest PGA [ln g] in reach of a first overturning."""
+    return ln_first - np.log(REACH), ln_first + np.log(REACH)
 
 
 def _row(known: Known, row: int, borders: Array) -> tuple[Array, Array]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.special import expit
 from scipy.stats import logistic, norm
@@ -347,3 +349,54 @@ def test_a_cell_that_stands_above_a_run_between_cells_is_an_island() -> None:
     grid, known = resolved(np.array([0.55, 0.65]), pga)
     known = known.joined(np.array([1, 1]), np.array([0.45, 0.46]), [1, 1])
     assert fit_all(pga, ratio, grid, known, n_bootstrap=2).boundary.islands.tolist() == [0, 2]
+
+
+@st.composite
+def changing_rows(draw: st.DrawFn) -> list[list[float]]:
+    """PGAs at which the outcome of rows changes, from standing: none, one or three of them."""
+    change = st.floats(0.02, 3.5)
+    row = st.one_of(
+        st.just([]),
+        st.lists(change, min_size=1, max_size=1),
+        st.lists(change, min_size=3, max_size=3),
+    )
+    return draw(st.lists(row.map(sorted), min_size=2, max_size=4))
+
+
+def runs_of(rows: list[list[float]]) -> Known:
+    """What a grid from 0.3 to 1.5 g, and a search beside each change and up to 4 g, would run."""
+    runs = [
+        (number, pga, np.searchsorted(ends, pga) % 2)
+        for number, ends in enumerate(rows)
+        for pga in {
+            0.3,
+            0.6,
+            1.5,
+            *([] if ends else [4.0]),
+            *np.outer(ends, [0.997, 1.003]).ravel(),
+        }
+    ]
+    return Known.of(*zip(*runs, strict=True))
+
+
+@given(changing_rows())
+@example([[], [0.073]])  # below half of the lowest PGA of the grid
+@example([[0.5, 0.8, 0.85], [1.6]])  # an island that only the other row reaches to
+def test_a_row_has_the_curve_that_it_has_alone(rows: list[list[float]]) -> None:
+    known = runs_of(rows)
+    ratio = 0.1 * np.arange(1.0, len(rows) + 1)
+    every = LognormalFragility(shares(known, ratio), thresholds(known, len(rows)))
+    for number, ends in enumerate(rows):
+        alone = runs_of([ends])
+        one = LognormalFragility(shares(alone, ratio[:1]), thresholds(alone, 1))
+        assert every.status[number] == one.status[0]
+        np.testing.assert_allclose(every.coefs[0, number], one.coefs[0, 0], rtol=1e-6, atol=1e-9)
+        if not ends:
+            assert every.coefs[0, number, 0] > np.log(4.0)
+
+
+def test_a_surface_knows_of_rows_that_stand_far_above_where_others_topple() -> None:
+    known = runs_of([[], [0.073]])
+    grid = np.array([[0, 0, 0], [1, 1, 1]])
+    for model in fit_all([0.3, 0.6, 1.5], [0.005, 4.0], grid, known, n_bootstrap=5).models:
+        assert (np.abs(model.probability - grid) < 0.1).all(), model.name
