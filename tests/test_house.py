@@ -171,6 +171,7 @@ def test_a_root_holds_rooms_and_few_files(package: str) -> None:
     assert len(files) <= 5, files
 
 
+@pytest.mark.slow
 def test_only_heavy_libraries_are_imported_inside_functions() -> None:
     late = {
         f"{module}: {name}"
@@ -221,6 +222,7 @@ def test_a_worker_draws_nothing() -> None:
     assert imported("pipeline.stages.runs.overturning_runs", slow) == ""
 
 
+@pytest.mark.slow
 def test_a_command_of_seconds_loads_no_cluster(tmp_path: Path) -> None:
     slow = ("dask.array", "distributed", "sklearn", "scipy.stats", "obspy")
     grid = ("motion.pga={start: 0.2, stop: 1.0, num: 4}", "motion.pgv_pga=[0.1, 0.3]")

@@ -18,6 +18,7 @@ from scripts import docs, links
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 
 
+@pytest.mark.slow
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     assert docs.main(["--quick", "--build", str(tmp_path)]) == 0
     pages = sorted((tmp_path / "html").rglob("*.html"))

@@ -197,6 +197,7 @@ def test_long_parts_and_controls_are_shown_in_short() -> None:
     assert len(line) < 800
 
 
+@pytest.mark.slow
 def test_libraries_are_silent_before_the_line(tmp_path: Path) -> None:
     """A flat scan makes trimesh divide by its volume, and say so."""
     flat = trimesh.creation.box((1.0, 1.0, 2.0))
@@ -211,6 +212,7 @@ def test_libraries_are_silent_before_the_line(tmp_path: Path) -> None:
     assert all(one.endswith("s so far") for one in before)  # our own progress, where it is slow
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("environment", "code"),
     [
@@ -227,6 +229,7 @@ def test_surroundings_change_nothing(
     assert "file not found" in line
 
 
+@pytest.mark.slow
 def test_a_date_of_sources_that_is_none_changes_nothing(tmp_path: Path) -> None:
     """On which some libraries fail; nothing that is made has a date."""
     words = "plan", "--site", "cuboid_1x1x2", "--derived", tmp_path
@@ -362,6 +365,7 @@ def wait_for(path: Path) -> None:
     raise TimeoutError(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
 def test_stopped_while_a_scan_is_cut(tmp_path: Path, how: signal.Signals) -> None:
     process = start("run", "rock", "--site", "double_rock_terrain", "--derived", tmp_path)
@@ -399,6 +403,7 @@ def test_a_stop_in_a_callback_whose_errors_python_ignores() -> None:
     assert (done.returncode, done.stderr) == (cli.STOPPED, b"")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "delay", [0.5, *(pytest.param(0.1 * k, marks=pytest.mark.slow) for k in (1, 2, 3, 4, 6, 8, 12))]
 )

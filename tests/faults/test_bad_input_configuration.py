@@ -198,6 +198,7 @@ def test_anything_is_taken_or_refused(tmp_path: Path, model: type[BaseModel], da
         taken_or_refused(lambda: load_file(file, tmp_path, "file", model))
 
 
+@pytest.mark.slow
 @SOME
 @given(text=st.text(max_size=60) | st.text("[]{}:,-&*!|>?'\"% \n\tab0.<=", max_size=60))
 def test_any_text_is_taken_or_refused(tmp_path: Path, text: str) -> None:

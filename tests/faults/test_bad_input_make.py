@@ -58,6 +58,7 @@ def test_make_refuses_in_a_line(tmp_path: Path, line: str) -> None:
     see_that_it_is_refused(make(*READY, *shlex.split(line), *own), REFUSED[line])
 
 
+@pytest.mark.slow
 def test_settings_are_parted_where_a_key_begins(tmp_path: Path) -> None:
     given = "motion.pga={start: 0.1, stop: 1, num: 5} yaw=[0, 90] motion.pgv_pga=0.3"
     done = make(*READY, "plan", "SITE=cuboid_1x1x2", f"SET={given}", f"DERIVED={tmp_path}")

@@ -44,6 +44,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 # Cut
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("product", "sixteenths"),
     [
@@ -77,6 +78,7 @@ def test_cut_products_are_noticed_and_made_again(
         assert contents(folder) == whole
 
 
+@pytest.mark.slow
 def test_cut_log_is_no_matter(run: Command, derived: Path, vsr: Command) -> None:
     """A line that was never ended, as a kill or a full disk leaves it."""
     assert run("fragility").code == 0
@@ -147,6 +149,7 @@ def test_disk_full_at_each_write(run: Command, small_disk: Path, tmp_path: Path,
 # Clocks
 
 
+@pytest.mark.slow
 def test_dates_of_files_decide_nothing(run: Command, derived: Path) -> None:
     """As after a copy, or where a clock was set back."""
     assert run("fragility").code == 0
@@ -160,6 +163,7 @@ def test_dates_of_files_decide_nothing(run: Command, derived: Path) -> None:
         assert {path: path.stat().st_mtime_ns for path in files} == before
 
 
+@pytest.mark.slow
 def test_clock_that_runs_backwards(
     run: Command, derived: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

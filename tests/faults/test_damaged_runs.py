@@ -204,6 +204,7 @@ def spoil(file: Path, how: str) -> None:
         file.write_bytes(content)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["a row", "a page"])
 @pytest.mark.parametrize("then", ["wider", "again", "products gone"])
 def test_damaged_runs_are_told_set_aside_and_done_again(

@@ -169,6 +169,7 @@ def test_a_member_of_another_record_is_compared_with_none(
     assert vsr(*study).code == 0
 
 
+@pytest.mark.slow
 def test_a_motion_and_a_second_scan_are_those_of_the_key_when_they_are_read(inputs: Path) -> None:
     """They are read long after their digests, and were saved otherwise in between."""
     wave, copy = inputs / "wave.csv", inputs / "copy.obj"

@@ -71,6 +71,7 @@ def made(vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path)
     return derived / "rock"
 
 
+@pytest.mark.slow
 def test_second_command_says_who_is_at_work(
     made: Path, vsr: Callable[..., Any], write_site: Callable[..., str]
 ) -> None:
@@ -98,6 +99,7 @@ def test_second_command_says_who_is_at_work(
     assert not made.exists()
 
 
+@pytest.mark.slow
 def test_a_variant_is_not_removed_while_its_site_has_an_owner(
     made: Path, vsr: Callable[..., Any], write_site: Callable[..., str]
 ) -> None:
@@ -309,6 +311,7 @@ def read_only(folder: Path) -> Iterator[None]:
         subprocess.run(["umount", str(folder)], check=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("left", ["closed", "killed", "killed and copied"])
 def test_reading_needs_no_right_to_write(
     made: Path, vsr: Callable[..., Any], write_site: Callable[..., str], left: str

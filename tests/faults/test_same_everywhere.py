@@ -57,6 +57,7 @@ def case(yaw: float = 0.3) -> Case:
 PULSES = [CosinePulse.from_g(0.1 * k, ratio) for k in range(3, 11) for ratio in (0.05, 0.1, 0.32)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_order_and_batches_change_no_bit(engine: str) -> None:
     """In turn, backwards, shuffled, one by one, and all of them again after 240 others."""
@@ -255,6 +256,7 @@ def on_processor(
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", AND_SLOWLY_BULLET)
 @pytest.mark.parametrize(
     "pretended",

@@ -82,6 +82,7 @@ def sleeper() -> Callable[[float, tuple[int, ...]], list[float]]:
 # Threads
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "engine", ["bullet", "nonsmooth", pytest.param("mujoco", marks=pytest.mark.slow)]
 )
@@ -158,6 +159,7 @@ def other_code(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_worker_of_other_code_is_refused(
     farm: Farm,
     vsr: Callable[..., Any],
@@ -202,6 +204,7 @@ def test_worker_without_this_project_is_refused(
 # Deaths
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("second", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_scheduler_that_dies_ends_the_command(
     farm: Farm,
@@ -248,6 +251,7 @@ def test_scheduler_that_dies_ends_the_command(
     assert (derived / "rock" / "responses.nc").read_bytes() == (alone / "responses.nc").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["here", pytest.param("a scheduler's", marks=pytest.mark.slow)])
 def test_workers_killed_from_outside_blame_nobody(farm: Farm, where: str) -> None:
     """Four kills of the two workers, one after the other, while 30 batches are done."""
@@ -350,6 +354,7 @@ def test_deadly_items_are_found_while_the_others_go_on() -> None:
     assert lost <= 2
 
 
+@pytest.mark.slow
 def test_error_of_a_suspect_is_raised() -> None:
     def work(shared: None, items: tuple[int, ...]) -> list[int]:
         if len(items) > 1:

@@ -94,6 +94,7 @@ def test_numbers_are_those_of_fits_and_ground_motion(
     assert f"<strong>{worst}</strong>" in page or "of each fault with 5" in page
 
 
+@pytest.mark.slow
 def test_other_faults_simulate_nothing_and_none_need_no_age(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, folder: Path
 ) -> None:
@@ -128,6 +129,7 @@ def test_tables_of_one_name_both_count(write_site: Callable[..., str], folder: P
     assert len(set(found)) == 3
 
 
+@pytest.mark.slow
 def test_a_table_takes_the_place_of_the_equations(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, folder: Path
 ) -> None:
@@ -141,6 +143,7 @@ def test_a_table_takes_the_place_of_the_equations(
     assert "hazard.ground_motion" in page
 
 
+@pytest.mark.slow
 def test_a_fault_to_which_no_shaking_model_reaches_is_told(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, folder: Path
 ) -> None:

@@ -42,6 +42,7 @@ def test_an_earlier_stage_counts(
     assert "3 runs are unresolved" in ran.err
 
 
+@pytest.mark.slow
 def test_an_earlier_member_of_a_sweep_counts(
     vsr: Callable[..., Ran], line: tuple[str, ...], derived: Path, tmp_path: Path
 ) -> None:

@@ -144,6 +144,7 @@ def test_a_figure_that_there_is_not_is_refused(
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["13", "11"])
 def test_settings_that_leave_out_what_a_figure_shows_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str

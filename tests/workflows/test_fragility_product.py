@@ -88,6 +88,7 @@ def test_from_a_site_to_curves_and_report(made: Ran, derived: Path, pgas: list[f
         assert f"-> {folder / name}" in made.err
 
 
+@pytest.mark.slow
 def test_a_rough_block_topples_under_pulses_far_longer_than_it_rocks(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:

@@ -33,6 +33,7 @@ def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_name_of_a_site_is_that_of_a_variant() -> None:
     Path("block.yaml").write_text(json.dumps({**BLOCK, **PULSES}))
     low, high = (
@@ -56,6 +57,7 @@ def test_a_sweep_gives_the_dataset_of_the_study() -> None:
     assert found.sizes["pga"] == 2
 
 
+@pytest.mark.slow
 def test_a_report_gives_the_fragility_it_shows() -> None:
     report = vsr.run("report", BLOCK, PULSES, **QUICK)
     assert report.equals(vsr.fragility(BLOCK, PULSES, **QUICK))
@@ -224,6 +226,7 @@ def test_curves_and_tests_are_found_from_the_working_folder() -> None:
         vsr.run("validation", "my_tests")
 
 
+@pytest.mark.slow
 def test_a_dataset_shows_its_page_its_figure_and_its_runs_in_a_notebook() -> None:
     made = vsr.fragility(BLOCK, PULSES, derived="results", **QUICK)
     shown = re.search(r'srcdoc="([^"]*)"', made.vsr._repr_html_())
@@ -257,6 +260,7 @@ def test_responses_without_a_page_show_themselves_in_short() -> None:
     assert cells.figure.legends[0].get_texts()[0].get_text() == "overturned"
 
 
+@pytest.mark.slow
 def test_a_part_of_a_fragility_shows_the_boundary_and_the_diagram_of_its_own_yaw() -> None:
     made = vsr.fragility(BLOCK, PULSES, yaw=[0, 90], **QUICK)
     Path(made.encoding["source"]).with_name("report.html").unlink()
@@ -279,6 +283,7 @@ def test_a_dataset_of_a_file_alone_says_how_its_runs_are_replayed() -> None:
         xr.open_dataset(copy).vsr.replay(yaw=0, pga=0.9, pgv_pga=0.3)
 
 
+@pytest.mark.slow
 def test_what_a_dataset_does_not_have_is_refused() -> None:
     made = vsr.responses(BLOCK, PULSES, **QUICK)
     rock = vsr.run("rock", BLOCK, **QUICK)
@@ -303,6 +308,7 @@ def test_what_a_dataset_does_not_have_is_refused() -> None:
             made.vsr.plot(**wrong)
 
 
+@pytest.mark.slow
 def test_a_part_of_a_displacement_or_a_branch_of_a_hazard_is_refused(tmp_path: Path) -> None:
     made = tumbling.displacement(runs=3, samples=20).assign_attrs(vsr_key="one")
     made.to_netcdf(tmp_path / "displacement.nc")
@@ -323,6 +329,7 @@ def test_a_part_of_a_displacement_or_a_branch_of_a_hazard_is_refused(tmp_path: P
         xr.load_dataset(tmp_path / "hazard.nc").isel(branch=0).vsr.plot()
 
 
+@pytest.mark.slow
 def test_a_friction_is_chosen_around_the_circle() -> None:
     several = {"yaw": [0, 90], "contact": {"friction": [0.4, 0.6]}}
     made = vsr.fragility(BLOCK, PULSES, **QUICK, **several)
@@ -332,6 +339,7 @@ def test_a_friction_is_chosen_around_the_circle() -> None:
         made.vsr.plot(friction=99)
 
 
+@pytest.mark.slow
 def test_a_replay_is_of_its_own_rock_whatever_was_refused_since() -> None:
     made = vsr.responses(BLOCK, PULSES, **QUICK)
     with pytest.raises(vsr.InputError):
@@ -341,6 +349,7 @@ def test_a_replay_is_of_its_own_rock_whatever_was_refused_since() -> None:
     assert rock["size"] == [0.5, 1.0, 2.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", ["same product", "another product", "removed"])
 def test_a_dataset_whose_folder_holds_another_result_shows_nothing(change: str) -> None:
     made = vsr.responses(BLOCK, PULSES, **QUICK)

@@ -57,6 +57,7 @@ def drawn() -> dict[str, Array]:
     }
 
 
+@pytest.mark.slow
 def test_events_of_the_same_size_and_date_are_read_again(
     tmp_path: Path, vsr: Callable[..., Ran], derived: Path
 ) -> None:
@@ -157,6 +158,7 @@ def test_the_page_tells_what_independence_costs(made: Path, hazard: xr.Dataset) 
     assert "between levels ln λ is linear" not in page
 
 
+@pytest.mark.slow
 def test_without_pgv_the_table_is_as_of_curves(
     made: Path, tmp_path: Path, vsr: Callable[..., Ran], derived: Path
 ) -> None:

@@ -335,6 +335,7 @@ def test_a_single_branch_is_compared_with_no_others(
         assert words not in said, words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("anew", [0.55, 0.65])
 def test_draws_made_anew_are_said_to_stand_less_where_they_do(
     anew: float, made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -351,6 +352,7 @@ def test_draws_made_anew_are_said_to_stand_less_where_they_do(
     assert ("which is smaller (Jensen" in page) is ("too readily:" in page) is (anew < 0.6)
 
 
+@pytest.mark.slow
 def test_of_shaking_that_topples_nothing_no_part_is_named(made: Path, tmp_path: Path) -> None:
     """The strongest has less than a millionth of the PGA that was simulated."""
     (tmp_path / "PGA").mkdir()
@@ -570,6 +572,7 @@ def test_an_ensemble_gives_the_mean_and_its_members_the_range(
     assert "uncertainty.members" in ran.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", ["age", "curves"])
 def test_another_age_or_other_curves_run_nothing(
     made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], given: str
@@ -645,6 +648,7 @@ def test_a_rock_of_an_archive_stands_beside_that_of_the_site(
     assert "no such rock; its rocks are Ridge 8" in refused.err
 
 
+@pytest.mark.slow
 def test_rocks_of_one_site_are_combined(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -686,6 +690,7 @@ def test_rocks_of_one_site_are_combined(
     assert "hazard: file ../broad edited" in vsr("why", "hazard", "--site", site).out
 
 
+@pytest.mark.slow
 def test_a_rock_that_came_out_of_the_ground(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -992,6 +997,7 @@ def test_what_a_comparison_leaves_out_of_the_command_is_told_once(vsr: Callable[
     assert (ran.code, ran.err.count(told)) == (cli.DONE, 1), ran.err
 
 
+@pytest.mark.slow
 def test_stages_of_a_rock_keep_their_settings_but_not_those_of_the_hazard(
     refused: Callable[..., str],
     vsr: Callable[..., Ran],

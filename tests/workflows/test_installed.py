@@ -72,6 +72,7 @@ def test_it_works_in_any_folder(installed: Path, tmp_path: Path) -> None:
     assert "the folder exists" in again.stderr
 
 
+@pytest.mark.slow
 def test_what_is_shipped_is_found(installed: Path, tmp_path: Path) -> None:
     """Samples of records and of curves lie in the wheel; a scan is looked for where the user is."""
     records = ("plan", "--site", "double_rock", "--study", "records", "--set", "yaw=0")
@@ -85,6 +86,7 @@ def test_what_is_shipped_is_found(installed: Path, tmp_path: Path) -> None:
     assert "data/raw/double_rock/mine.ply" in refused.stderr
 
 
+@pytest.mark.slow
 def test_the_short_way_in_from_python(installed: Path, tmp_path: Path) -> None:
     done = ran(installed, tmp_path, "-c", SHORT)
     assert done.returncode == 0, done.stderr

@@ -88,6 +88,7 @@ def stamps(folder: Path) -> dict[Path, tuple[int, str]]:
     return {path: (path.stat().st_mtime_ns, digest_file(path)) for path in found}
 
 
+@pytest.mark.slow
 def test_second_call_makes_nothing(
     responses: Callable[..., Path],
     vsr: Callable[..., object],
@@ -123,6 +124,7 @@ def test_second_call_makes_nothing(
     assert set(stamps(folder)) - set(before) <= {folder / f"{RUNS}-{end}" for end in ("wal", "shm")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("setting", "new"),
     [
@@ -152,6 +154,7 @@ def test_only_new_cells_are_simulated(
     assert counted.take() == 0
 
 
+@pytest.mark.slow
 def test_widened_grid_equals_one_made_at_once(
     responses: Callable[..., Path], tmp_path: Path
 ) -> None:
@@ -245,6 +248,7 @@ def test_deleted_runs_are_done_again(responses: Callable[..., Path], counted: Co
     assert counted.take() == 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "stop_at", [0, 11, *(pytest.param(runs, marks=pytest.mark.slow) for runs in (1, 7, 23))]
 )
@@ -348,6 +352,7 @@ def test_killed_process_goes_on_from_there(
     assert file.read_bytes() == whole.read_bytes()
 
 
+@pytest.mark.slow
 def test_killed_while_writing_a_product(
     responses: Callable[..., Path], counted: Counter, derived: Path, tmp_path: Path
 ) -> None:

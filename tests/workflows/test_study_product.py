@@ -232,6 +232,7 @@ sweep:
     assert not (pulses & ran.sel(shape="record")).any()
 
 
+@pytest.mark.slow
 def test_records_are_compared_with_themselves_however_they_are_processed(study: Study) -> None:
     """Also mirror images, which have one PGV/PGA, and whose boundaries are those of one yaw."""
     folder = study.folder / "recorded"
@@ -335,6 +336,7 @@ def test_any_product_can_be_swept(study: Study) -> None:
     np.testing.assert_allclose(data["tipping_pga"].sel(direction=0), [0.25, 0.5 / 3.0])
 
 
+@pytest.mark.slow
 def test_a_member_that_becomes_the_site_becomes_the_reference(study: Study) -> None:
     found = []
     for own in ("", "contact: {restitution: 0.3}\n"):
@@ -359,6 +361,7 @@ def test_what_differs_in_length_between_members_is_told(study: Study) -> None:
     assert not named & set(study.data().dims)
 
 
+@pytest.mark.slow
 def test_no_member_runs_where_one_cannot(study: Study) -> None:
     """Bullet drops a block of 1:100, which is known once it is made: before any run."""
     (study.folder / "study.yaml").write_text(
@@ -371,6 +374,7 @@ def test_no_member_runs_where_one_cannot(study: Study) -> None:
     assert not list(study.derived.rglob(RUNS))
 
 
+@pytest.mark.slow
 def test_pages_of_members_lead_to_all_results(study: Study) -> None:
     """Also where the site has made the same page already, in another folder."""
     text = "sweep: {size: {rock.size: [[0.5, 1, 2], [0.5, 1, 3]]}}\nuncertainty: {members: 0}\n"

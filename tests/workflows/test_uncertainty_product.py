@@ -60,6 +60,7 @@ def product(ran: Any, derived: Path, *, unresolved: bool = False) -> xr.Dataset:
     return xr.load_dataset(derived / "rock" / "uncertainty.nc", mask_and_scale=False)
 
 
+@pytest.mark.slow
 def test_nothing_unknown_is_the_grid_itself(
     vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -86,6 +87,7 @@ def test_nothing_unknown_is_the_grid_itself(
     assert "draws" not in again.err.split("->")[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "friction", "said"),
     [
@@ -138,6 +140,7 @@ def test_a_draw_that_topples_at_the_lowest_pga_has_no_boundary_known(
     assert "as scanned" not in page
 
 
+@pytest.mark.slow
 def test_a_gain_moves_the_boundary_of_housner(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
@@ -227,6 +230,7 @@ def test_density_as_a_whole_is_nothing_to_a_rock(
     np.testing.assert_array_less(heavy["member_boundary_lower"], light["member_boundary_upper"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("levels", ["[0.3]", pytest.param("[0.15, 0.4]", marks=pytest.mark.slow)])
 def test_a_grid_of_few_levels_has_its_page(
     vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path, levels: str
@@ -248,6 +252,7 @@ uncertainty: {scan: {error: 0}}
 """
 
 
+@pytest.mark.slow
 def test_the_direction_drawn_is_that_in_which_a_rock_without_symmetry_is_shaken(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],
@@ -282,6 +287,7 @@ def test_the_direction_drawn_is_that_in_which_a_rock_without_symmetry_is_shaken(
             np.testing.assert_array_equal(draw.sel(yaw=yaw), expected)
 
 
+@pytest.mark.slow
 def test_draws_are_searched_from_the_site_at_the_friction_nearest_to_theirs(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],

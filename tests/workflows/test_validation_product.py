@@ -187,6 +187,7 @@ def test_page_shows_its_pictures_and_what_was_assumed(made: tuple[Path, Path]) -
         assert (made[1] / f"validation_{name}.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_a_folder_without_outcomes_is_predicted(made: tuple[Path, Path], tmp_path: Path) -> None:
     """From the runs of the same tests with outcomes."""
     rows = [f"{k},motion,{0.1 * k},{RATIO}" for k in range(1, 7)]

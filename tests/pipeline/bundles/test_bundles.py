@@ -51,6 +51,7 @@ def bundle(made: Path, vsr: Callable[..., Ran], tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_it_is_checked_and_made_again_elsewhere_with_the_same_bytes(
     made: Path,
     bundle: Path,
@@ -362,6 +363,7 @@ def test_results_written_anew_while_they_are_read_are_refused(
     assert not (tmp_path / "study.zip").exists()
 
 
+@pytest.mark.slow
 def test_curves_in_folders_of_a_folder_are_in_it(
     write_site: Callable[..., str], vsr: Callable[..., Ran], derived: Path, tmp_path: Path
 ) -> None:

@@ -17,6 +17,7 @@ from pipeline.workflow.store import manifest_text, read_manifest
 GRID = "motion: {pga: [0.2, 0.4, 0.8], pgv_pga: [0.2, 0.5]}\nyaw: [0]\n"
 
 
+@pytest.mark.slow
 def test_settings_cells_and_boundaries_that_differ_are_told(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
 ) -> None:
@@ -56,6 +57,7 @@ def test_settings_cells_and_boundaries_that_differ_are_told(
     assert (damaged.code, "not what was written" in damaged.err) == (cli.REFUSED, True)
 
 
+@pytest.mark.slow
 def test_products_of_other_settings_than_beside_them_are_told_and_not_exported(
     vsr: Callable[..., Ran], write_site: Callable[..., str], tmp_path: Path
 ) -> None:
@@ -96,6 +98,7 @@ def test_what_has_no_place_in_common_is_not_said_to_be_alike(
     ]
 
 
+@pytest.mark.slow
 def test_pulses_and_records_are_said_to_be_not_comparable(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
 ) -> None:

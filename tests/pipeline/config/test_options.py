@@ -40,6 +40,7 @@ def test_pages_name_keys_as_they_are_today() -> None:
         assert not RENAMED.keys() & set(named.findall(page.read_text(encoding="utf-8"))), page
 
 
+@pytest.mark.slow
 def test_generated_files_are_current() -> None:
     command = [sys.executable, "-m", "scripts.options"]
     ran = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

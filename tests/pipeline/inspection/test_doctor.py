@@ -29,6 +29,7 @@ def test_a_machine_that_is_well(vsr: Callable[..., Ran], derived: Path) -> None:
     assert (quiet.code, quiet.out, quiet.err) == (cli.DONE, "", "")
 
 
+@pytest.mark.slow
 def test_what_is_wrong_is_told_with_its_remedy_and_the_rest_goes_on(
     vsr: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch
 ) -> None:

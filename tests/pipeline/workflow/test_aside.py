@@ -56,6 +56,7 @@ def test_death_leaves_work_to_do() -> None:
         aside.Begun(lambda: os.kill(os.getpid(), signal.SIGKILL))()
 
 
+@pytest.mark.slow
 def test_it_ends_with_the_process_that_began_it(tmp_path: Path) -> None:
     """As the killer of the kernel ends that one alone."""
     done = tmp_path / "done"
@@ -97,6 +98,7 @@ def test_it_ends_with_the_call_that_is_interrupted(
     assert not multiprocessing.active_children()
 
 
+@pytest.mark.slow
 def test_products_are_the_same_as_in_turn(
     write_site: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -61,6 +61,7 @@ def responses(
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ways",
     [((0, 7), (2, 2)), pytest.param(((0, 1), (1, 4), (2, 1), (2, 1000)), marks=pytest.mark.slow)],
@@ -99,6 +100,7 @@ def test_item_that_kills_its_worker_comes_back_alone(way: str) -> None:
     assert done == {item: None if item == 17 else 2 * item for item in range(48)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, 2])
 def test_error_in_the_function_is_raised(workers: int) -> None:
     def work(shared: int, items: tuple[int, ...]) -> list[int]:
@@ -108,6 +110,7 @@ def test_error_in_the_function_is_raised(workers: int) -> None:
         list(cluster.run(work, iter([Batch("a", (1,))]), lambda name: 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, 2])
 def test_holds_no_more_than_the_batches_in_flight(
     clusters: dict[int, Cluster], workers: int
@@ -162,6 +165,7 @@ def test_shared_things_are_asked_for_once_each(clusters: dict[int, Cluster]) -> 
         assert asked == ["a", "b"]
 
 
+@pytest.mark.slow
 def test_crashed_run_is_told_and_tried_again(
     vsr: Callable[..., Any],
     write_site: Callable[..., str],

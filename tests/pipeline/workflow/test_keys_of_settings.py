@@ -306,6 +306,7 @@ def changes() -> tuple[Change, ...]:
     return tuple(found)
 
 
+@pytest.mark.slow
 def test_every_setting_is_changed_in_a_configuration_at_least() -> None:
     assert set(settings_in(Config)) - {change.leaf for change in changes()} == set()
 
@@ -480,6 +481,7 @@ def templates_in(room: str) -> set[str]:
     return {name for name in pages._files() if name in texts and Path(name).suffix != ".yaml"}
 
 
+@pytest.mark.slow
 def test_pages_change_with_every_template_that_the_code_of_their_room_names(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

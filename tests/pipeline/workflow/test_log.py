@@ -116,6 +116,7 @@ def test_a_stream_that_takes_nothing_changes_no_exit_code(words: str) -> None:
     assert ran.returncode == cli.REFUSED
 
 
+@pytest.mark.slow
 def test_a_run_whose_lines_nobody_reads_any_more_goes_on(tmp_path: Path) -> None:
     """As before `2>&1 | head -2`, in a folder whose name a shell has left as it is."""
     words = "run rock --site cuboid_1x1x2 --derived=~/derived 2>&1 >&-"
@@ -148,6 +149,7 @@ def test_a_current_folder_that_was_removed_is_refused_in_a_line(tmp_path: Path) 
     assert "a folder that was removed" in ran.stderr
 
 
+@pytest.mark.slow
 def test_a_log_that_takes_no_more_is_told_once_and_the_command_goes_on(tmp_path: Path) -> None:
     words = ("run", "rock", "--site", "cuboid_1x1x2", "--derived", str(tmp_path / "derived"))
     most, full = 1 << 30, tmp_path / "full.log"
@@ -184,6 +186,7 @@ def test_a_log_in_a_folder_of_results_is_refused(
     assert not [path for path in results.rglob("*") if path.is_file()]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
 @pytest.mark.parametrize("words", ["--version", "--help", "run --help", "list", "clean"])
 def test_what_cannot_be_printed_is_refused(tmp_path: Path, words: str) -> None:

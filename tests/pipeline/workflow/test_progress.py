@@ -30,6 +30,7 @@ def test_a_step_that_lasts_is_told_and_one_that_does_not_is_not(
     assert lines[0].endswith(" s so far")
 
 
+@pytest.mark.slow
 def test_a_notebook_keeps_one_line_of_all_that_was_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     runs = (

@@ -105,6 +105,7 @@ def test_no_result_goes_to_where_ones_own_files_are_read(
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("again", [pytest.param((), marks=pytest.mark.slow), OTHER])
 def test_what_other_settings_made_is_marked_until_it_is_made_again(
     vsr: Vsr, write_site: Callable[..., str], derived: Path, again: tuple[str, ...]
@@ -150,6 +151,7 @@ def test_whoever_is_stopped_before_new_settings_stand_there_leaves_no_product_un
     assert stale(Store(folder)) == {}
 
 
+@pytest.mark.slow
 def test_a_variant_has_products_of_its_own_and_shares_the_runs(
     vsr: Vsr, write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -184,6 +186,7 @@ def test_plan_knows_the_stored_runs_and_the_step_of_a_study_that_was_not_the_las
     assert again.splitlines()[1:3] == first.splitlines()[1:3]
 
 
+@pytest.mark.slow
 def test_what_settings_do_not_make_any_more_is_left_by_a_variant(
     vsr: Vsr, write_site: Callable[..., str], derived: Path, tmp_path: Path
 ) -> None:
@@ -212,6 +215,7 @@ def test_results_of_a_site_with_a_sign_of_variants_in_its_name_are_its_own(
         assert (derived / folder / "rock.nc").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", [(), ("--name", "x")])
 def test_two_files_of_one_name_are_two_sites(
     vsr: Vsr,

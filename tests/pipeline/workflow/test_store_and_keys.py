@@ -179,6 +179,7 @@ def test_changed_manifest_counts_as_none(shelf: Store, changed: tuple[str, objec
     assert shelf.names() == {"a.txt"}  # which go with all else, or when it is made again
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rock.nc", "responses.nc", "config.yaml"])
 def test_flipped_byte_is_seen_and_mended(
     write_site: Callable[..., str], vsr: Callable[..., object], derived: Path, name: str
@@ -196,6 +197,7 @@ def test_flipped_byte_is_seen_and_mended(
     assert "is not what was written" not in vsr("why", "responses", "--site", site).out
 
 
+@pytest.mark.slow
 def test_what_was_made_from_crashed_runs_is_made_again(
     write_site: Callable[..., str], vsr: Callable[..., Ran], derived: Path
 ) -> None:
@@ -379,6 +381,7 @@ sys.exit(cli.main(sys.argv[2:]))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [pytest.param(20_000, marks=pytest.mark.slow), 66_000])
 def test_no_room_for_a_large_file(
     write_site: Callable[..., str], derived: Path, limit: int
@@ -482,6 +485,7 @@ DECIDES = {
 """Functions, and which of the stages of rock, runs and report they have to decide."""
 
 
+@pytest.mark.slow
 def test_stages_decided_by_a_function(edit_function: Callable[[str, str, str], None]) -> None:
     site = load_site("cuboid_1x1x2")
 
@@ -520,6 +524,7 @@ def names_in(module: str) -> dict[str, set[str]]:
     return found
 
 
+@pytest.mark.slow
 def test_libraries_that_shape_rock_and_ground_are_in_the_keys_of_what_they_shape() -> None:
     using = set()
     for stage in STAGES:
@@ -533,6 +538,7 @@ def test_libraries_that_shape_rock_and_ground_are_in_the_keys_of_what_they_shape
     assert {("scan", "coacd"), ("terrain", "fast_simplification"), ("rock", "shapely")} <= using
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["bullet", "mujoco", "nonsmooth"])
 def test_every_function_that_a_run_enters_is_in_its_key(engine: str) -> None:
     """Followed while it runs, so that a call the syntax does not show would be found."""
@@ -560,6 +566,7 @@ def test_every_function_that_a_run_enters_is_in_its_key(engine: str) -> None:
     assert entered - set(tracing.reached(run_code(engine, terrain=False))) == set()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["bullet", "nonsmooth"])
 def test_every_function_that_a_displacement_run_enters_is_in_its_key(engine: str) -> None:
     from vsr_core.motions.pulses import CosinePulse

@@ -98,6 +98,7 @@ def test_a_rock_turned_round_is_its_mirror_image() -> None:
     assert seen.tan_alpha[0] != pytest.approx(seen.tan_alpha[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half_width", [0.08, 0.2])
 def test_the_equations_are_housners_equation_integrated(
     equations: Equations, half_width: float
@@ -131,6 +132,7 @@ def test_a_rock_that_was_not_drawn_topples_where_the_equations_say(equations: Eq
     assert np.median(np.abs(np.log(found / run))) < 0.05
 
 
+@pytest.mark.slow
 def test_every_shape_that_is_drawn_stands_flat_and_is_drawn_again() -> None:
     one, other = (boundaries.of_number(2) for _ in range(2))
     assert [r.family for r in one] == ["hull", "hull"]

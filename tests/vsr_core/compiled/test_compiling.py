@@ -102,6 +102,7 @@ def test_a_constant_three_imports_away_changes_the_numbers(small: Path) -> None:
     assert ask(small) == ["15.0 True"]  # nothing compiled reaches that
 
 
+@pytest.mark.slow
 def test_an_edit_counts_where_numba_is_told_to_keep_its_code(small: Path, tmp_path: Path) -> None:
     place = {"NUMBA_CACHE_DIR": str(tmp_path / "told")}
     assert ask(small, **place) == ["11.0 False"]
@@ -154,6 +155,7 @@ def test_damaged_code_is_told_of_and_not_used(sealed: Path, damage: str) -> None
     assert len(told) == 1
 
 
+@pytest.mark.slow
 def test_no_bit_of_code_is_believed_otherwise(sealed: Path) -> None:
     whole = sealed.read_bytes()
     flips = [(bit // 8, 1 << bit % 8) for bit in range(8 * len(whole))]
@@ -235,6 +237,7 @@ def image() -> Iterator[Path]:
         yield core
 
 
+@pytest.mark.slow
 def test_a_user_takes_code_that_root_has_made_in_an_image(image: Path) -> None:
     assert ask(image, before=AS_NOBODY) == ["11.0 True"]
     assert not [path for path in image.parent.glob("caches/**/*") if path.is_file()]
@@ -256,6 +259,7 @@ def test_code_of_another_user_is_not_used(image: Path, what: str) -> None:
     assert ask(image, before=AS_NOBODY) == [f"11.0 True\n{told}"]
 
 
+@pytest.mark.slow
 def test_a_full_disk_costs_the_time_to_compile(small: Path) -> None:
     full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))"
     number, *said = ask(small, before=full)[0].splitlines()
@@ -265,6 +269,7 @@ def test_a_full_disk_costs_the_time_to_compile(small: Path) -> None:
     assert not kept(small)
 
 
+@pytest.mark.slow
 def test_it_does_where_nothing_can_be_written_beside_the_source(small: Path) -> None:
     (small / "__pycache__").write_text("")  # no folder, and none can be made
     assert ask(small) == ["11.0 False"]

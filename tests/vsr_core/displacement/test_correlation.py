@@ -116,6 +116,7 @@ def test_line_against_normal_equations(seed: int) -> None:
     np.testing.assert_allclose(high, line.mean(at) + half)
 
 
+@pytest.mark.slow
 def test_band_covers_the_truth_19_times_in_20() -> None:
     rng = np.random.default_rng(1)
     x, at, trials = np.linspace(0.1, 1.0, 9), np.array([0.1, 0.5, 1.4]), 400
@@ -163,6 +164,7 @@ def test_rank_correlation_against_its_definition() -> None:
     assert (rising.spearman, rising.line.r2 < 0.9) == (1.0, True)
 
 
+@pytest.mark.slow
 def test_rank_correlation_finds_nothing_in_noise() -> None:
     """Its p is uniform where nothing goes together: one in ten is below a tenth."""
     rng = np.random.default_rng(2)

@@ -374,6 +374,7 @@ def test_interval_holds_what_its_prediction_interval_holds() -> None:
     assert bound.of_run[0] < bound.of_mean[0]
 
 
+@pytest.mark.slow
 def test_interval_of_a_run_holds_its_shaking_19_times_in_20() -> None:
     rng = np.random.default_rng(9)
     x = np.repeat(np.linspace(0.2, 1.0, 9), 20)

@@ -68,6 +68,7 @@ def test_the_likelihood_is_that_of_the_intervals() -> None:
     np.testing.assert_allclose(model.coefs[0], found.x, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_surface_that_the_thresholds_came_from() -> None:
     n, covered, median_covered = 60, np.zeros(3), 0.0
     for seed in range(n):

@@ -147,6 +147,7 @@ def test_logistic_is_the_unpenalised_maximum_likelihood_of_scikit_learn():
     )
 
 
+@pytest.mark.slow
 def test_logistic_intervals_cover_the_curve_that_the_data_came_from():
     truth, n = np.array([6.0, 5.0, 2.0]), 60
     covered, median_covered = np.zeros(3), 0.0
@@ -206,6 +207,7 @@ def test_separated_grid_gives_a_steep_finite_curve_inside_the_gap():
     assert not LogisticFragility(counted(AXIS, AXIS, grid)).separated
 
 
+@pytest.mark.slow
 def test_separation_agrees_with_trying_every_line():
     rng = np.random.default_rng(3)
     axis = np.array([0.1, 0.2, 0.4, 0.8])

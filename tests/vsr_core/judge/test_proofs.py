@@ -96,6 +96,7 @@ def support(rock: Rock, down: Array) -> Array:
     return height
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6))
 @settings(max_examples=8, deadline=None, derandomize=True)
 def test_barrier_is_a_tight_lower_bound(seed: int) -> None:
@@ -439,6 +440,7 @@ def compare(
     return differing
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("contact", [Contact(0.6), Contact(0.6, 0.38)])
 @pytest.mark.parametrize(
     ("name", "low", "high"), [("box 1x1x2", 0.3, 1.2), ("box 0.3x0.4x1", 0.2, 0.9)]

@@ -274,6 +274,7 @@ def test_a_block_on_a_tilted_table_slides_from_mu_on(
     assert np.linalg.norm(ways[1.01][:2]) > 0.02
 
 
+@pytest.mark.slow
 @TURNING
 @pytest.mark.parametrize(("axis", "size"), [("pitch", (1.0, 1.0, 2.0)), ("roll", (0.1, 0.1, 0.4))])
 def test_a_block_on_a_tilted_table_tips_from_alpha_on(
@@ -417,6 +418,7 @@ def test_vertical_shaking_alone_topples_nothing_and_helps_to() -> None:
     assert respond(sampled(time, across + up), scene).outcome is Outcome.OVERTURNED
 
 
+@pytest.mark.slow
 @given(st.floats(0.0, 2.0 * math.pi), st.floats(0.2, 0.9))
 @settings(max_examples=5, deadline=None, derandomize=True)
 def test_direction_of_shaking_is_the_rocks_direction_turned_back(

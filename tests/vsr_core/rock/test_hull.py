@@ -41,6 +41,7 @@ def to_the_edge(outline: Array, direction: Array) -> Array:
     return np.where(reach > 0.0, reach, np.inf).min(axis=1)
 
 
+@pytest.mark.slow
 @given(HALF, HALF, HALF)
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_box_tips_where_its_weight_passes_the_edge(bx: float, by: float, h: float) -> None:
@@ -66,6 +67,7 @@ def test_regular_prism(corners: int) -> None:
     np.testing.assert_allclose(tips.overturning, tips.uplift, rtol=1e-9)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6))
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_random_rock_lifts_where_its_weight_passes_the_base(seed: int) -> None:
@@ -77,6 +79,7 @@ def test_random_rock_lifts_where_its_weight_passes_the_base(seed: int) -> None:
     assert (tips.overturning >= tips.uplift).all()
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.floats(-7.0, 7.0))
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_tipping_turns_with_the_rock(seed: int, yaw: float) -> None:

@@ -166,6 +166,7 @@ def cross_by_brute_force(one: Array, other: Array) -> bool:
     return False
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.floats(0.02, 3.0), st.floats(1.0, 30.0))
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_crossing_triangles_against_brute_force(seed: int, size: float, spread: float) -> None:

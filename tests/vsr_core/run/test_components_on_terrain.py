@@ -125,6 +125,7 @@ def test_site_and_azimuth_turned_together_change_nothing() -> None:
     np.testing.assert_allclose(turned @ grounds.turn_z(way), as_drawn, rtol=0.0, atol=3e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["nonsmooth", "bullet"])
 def test_along_x_alone_it_is_the_record_of_today(engine: str) -> None:
     """Bit for bit: as it is scaled, proofs and all, and as three columns of which two are zero."""
@@ -164,6 +165,7 @@ def test_nothing_is_proved_of_several_components() -> None:
     assert np.ptp(found.trajectory.position[:, 2]) > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pga", [0.05, 1.2])
 def test_bullet_topples_a_lump_or_not_as_the_engine(pga: float) -> None:
     rock = grounds.lump(0)

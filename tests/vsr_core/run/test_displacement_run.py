@@ -137,6 +137,7 @@ def like_the_plane(rock: str, ground: str, chosen: Array, shift: float = 0.03) -
     assert beside <= 0.1 * len(chosen)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rock", "ground", "count"),
     [("box", "level", 5), ("box", "level parts", 5), ("double rock", "level parts", 6)],
@@ -283,6 +284,7 @@ def known(pga: float, ratio: float, yaw: float) -> DisplacementRun:
     return run(site_of("lump", "perch parts", yaw), pga, ratio)
 
 
+@pytest.mark.slow
 def test_some_topple_and_some_do_not() -> None:
     assert {known(*cell).response.outcome.overturned for cell in SOME} == {0, 1}
 
@@ -317,6 +319,7 @@ def test_a_compiled_run_turns_with_its_site(yaw: float) -> None:
     assert push[0] < -0.9 * np.linalg.norm(push) < -1e-3  # first towards -x, once it is turned
 
 
+@pytest.mark.slow
 def test_reversed_motion_is_a_site_turned_round() -> None:
     site = site_of("lump", "perch parts", 0.4)
     turned = site_of("lump", "perch parts", 0.4 + math.pi)
@@ -398,6 +401,7 @@ for cell in reversed(pickle.load(sys.stdin.buffer)):
 """
 
 
+@pytest.mark.slow
 def test_a_world_is_as_new_at_every_step() -> None:
     """Steps that do not fill a sample in binary numbers too."""
     site = site_of("box", "level parts")
@@ -474,6 +478,7 @@ def in_the_niche(count: int) -> None:
     assert same >= count - max(1, count // 10)
 
 
+@pytest.mark.slow
 def test_a_reduced_scene_does_as_the_complete_one() -> None:
     in_the_niche(3)
 
@@ -992,6 +997,7 @@ def late(pga_g: float) -> tuple[TerrainCase, DisplacementRun, DisplacementRun]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pga_g", [0.15, 0.25, 0.45, 0.9])
 def test_a_run_begins_at_the_first_push(pga_g: float) -> None:
     """Not in the tremble of 1.5 s before; the verdict is no other."""
@@ -1070,6 +1076,7 @@ def test_footing_is_under_the_rock() -> None:
 # Toppling alone
 
 
+@pytest.mark.slow
 def test_toppling_is_known_without_following() -> None:
     ended = set()
     for pga, ratio, yaw in [*SOME, (0.2, 0.2, 2.0)]:
@@ -1106,6 +1113,7 @@ def test_what_goes_through_the_border_has_not_toppled(friction: float, ratio: fl
         assert found in (wide.response.outcome, Outcome.UNSETTLED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drop", [0.11, 0.12])
 def test_a_rock_that_sinks_has_toppled(drop: float) -> None:
     """It slides, upright, down a ramp to a lower level: toppled from 0.116 radii down."""
@@ -1156,6 +1164,7 @@ def test_contacts_of_a_box_at_rest_and_pressed_in() -> None:
     assert world.contacts()[1] == pytest.approx(0.01, abs=0.002)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ground", ["perch", "perch parts"])
 def test_all_ground_that_a_rock_touches_is_there(ground: str) -> None:
     """Thrown and spinning at high speed: no face in its reach is missing at any look."""
@@ -1212,6 +1221,7 @@ def blocks_at(world: object, points: Array) -> NDArray[np.bool_]:
     return found
 
 
+@pytest.mark.slow
 def test_blocks_far_away_are_no_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     """With all of the ground there at once the rock goes the same way."""
     site = site_of("lump", "perch parts", 1.0)

@@ -147,6 +147,7 @@ def test_short_pulses_do_not_overturn_large_blocks(name: str) -> None:
     assert first_overturned(case_of(BLOCKS[name][0], GRIPPING), 0.10, levels) == math.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [GRIPPING])
 def test_safe_island_inside_the_toppled_zone(friction: float) -> None:
     """1x1x2 m at 0.30 s is safe on [1.26, 1.36) g, to 1 % of either end."""
@@ -188,6 +189,7 @@ def test_similar_blocks_move_alike() -> None:
     assert len(ended) >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.15, pytest.param(0.25, marks=pytest.mark.slow)])
 def test_depth_does_not_matter(ratio: float) -> None:
     """1x1x3 m and 1x2x3 m overturn at the same PGA."""
@@ -198,6 +200,7 @@ def test_depth_does_not_matter(ratio: float) -> None:
     assert one == pytest.approx(other, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "low", "high"), [((1.0, 1.0, 2.0), 0.5, 1.2), ("surrogate", 0.05, 0.6)]
 )
@@ -216,6 +219,7 @@ def test_mirrored_motion_is_a_rock_turned_round(
     assert 2 <= sum(ended) <= 14
 
 
+@pytest.mark.slow
 def test_opposite_directions_of_an_asymmetric_rock_differ() -> None:
     ahead = case_of("surrogate", PAPER, 0.0)
     cells = grid(3, 30, 0.05, 0.4)
@@ -292,6 +296,7 @@ def test_a_block_is_displaced_beyond_a_tenth_of_its_radius(
         assert response.outcome is outcome
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["nonsmooth", "bullet"])
 def test_a_block_that_hesitates_on_its_edge_is_not_at_rest(engine: str) -> None:
     """Let go 4 mrad before its balance, its angle to that grows as cosh(p t), p^2 = 3 g / (4 R).

@@ -51,6 +51,7 @@ def test_a_shorter_step_keeps_a_tolerance_for_tilt_and_slip() -> None:
         assert found.runs > 40
 
 
+@pytest.mark.slow
 def test_the_slip_of_a_squat_block_is_newmarks() -> None:
     assert exact(SQUAT) == ("slip",)
     found = error(SQUAT, 0.02, "slip")
@@ -66,6 +67,7 @@ def test_the_farthest_place_of_a_slide_is_that_of_its_path() -> None:
     assert farthest(CosinePulse.from_g(0.3, 0.4), 0.4 * GRAVITY) == 0.0
 
 
+@pytest.mark.slow
 def test_a_bias_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """Tilts that are told 5 % too large, at any step."""
 
@@ -77,6 +79,7 @@ def test_a_bias_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
     assert error(BLOCK, 0.005, "peak_tilt").median == pytest.approx(0.05, abs=0.003)
 
 
+@pytest.mark.slow
 def test_rocks_that_topple_have_no_largest_tilt() -> None:
     found = measure(BLOCK, at(0.02), NUMBER)
     runs = simulate_all(BLOCK, pulses(BLOCK, NUMBER), at(0.02))

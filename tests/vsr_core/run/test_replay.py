@@ -305,6 +305,7 @@ def test_the_table_moves_as_prescribed() -> None:
     assert not run.acceleration[:, 1:].any()
 
 
+@pytest.mark.slow
 def test_a_table_in_several_axes_and_one_with_a_servo() -> None:
     several = AxisPulses((AxisPulse("x", 5.0, 0.2), AxisPulse("z", 2.0, 0.2)))
     run = replay(case(), several, FINE)

@@ -118,6 +118,7 @@ def test_safe_island(name: str, pgv_pga: float, low: float, high: float, grid: f
     assert overturns(BLOCKS[name], high + grid, pgv_pga)
 
 
+@pytest.mark.slow
 def test_a_fine_scan_finds_an_interval_below_the_grid() -> None:
     """Between two points of the 0.005 g grid: why the search states its step."""
     block = BLOCKS["11x55 cm"]
@@ -137,6 +138,7 @@ def test_island_edges_are_edges() -> None:
             assert rocking_response(block, beyond * (1 - 1e-4), 0.10).overturned
 
 
+@pytest.mark.slow
 def test_slender_closed_forms_against_the_integration() -> None:
     """The closed form stops at one impact, so it may miss what a second one overturns.
 

@@ -58,6 +58,7 @@ def ending(outcome: Outcome) -> Response:
     return Response(outcome, DecidedBy.SIMULATION, 0.0, 0.0, 0.0, 5)
 
 
+@pytest.mark.slow
 def test_error_stated_holds_on_pulses_that_were_not_tried() -> None:
     """Beyond the error of a step, up to its window, every outcome is Housner's."""
     ratio = time_step.periods(SLENDER.full.rock)[0]
@@ -91,6 +92,7 @@ def test_on_level_terrain_the_error_is_that_of_housners_block() -> None:
         assert (row.error < 0.02).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bias", [-0.02, 0.02])
 def test_a_biased_simulation_is_found_out(monkeypatch: pytest.MonkeyPatch, bias: float) -> None:
     """Pulses that arrive 2 % too strong or weak: an error of about 2 % that no step removes."""
@@ -194,6 +196,7 @@ def test_housners_block_is_no_reference_for_a_servo() -> None:
     assert rocking_block(replace(SLENDER, full=full)) is None
 
 
+@pytest.mark.slow
 def test_a_squat_block_is_displaced_where_a_sliding_mass_is() -> None:
     """It topples at no PGA; from a tenth of its radius on it is displaced: a mass on a plane."""
     case, friction, ratio = box((2.0, 2.0, 0.5), Contact(0.3)), 0.3, 0.2
@@ -305,6 +308,7 @@ def test_the_longest_step_goes_with_the_tolerance(
     assert (chosen.time_step, chosen.within) == (0.5 * step, within)
 
 
+@pytest.mark.slow
 def test_doubled_tolerance_is_cheaper() -> None:
     rows = [measure(SLENDER, r, Settings(1.0)) for r in time_step.periods(SLENDER.full.rock)]
     error, steps = (np.array([getattr(r, what) for r in rows]) for what in ("error", "steps"))

@@ -25,6 +25,7 @@ def sheet(field: FieldScan) -> trimesh.Trimesh:
     return trimesh.Trimesh(made.vertices, made.faces, process=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 3))])
 def test_same_rock_as_among_all_faces_at_once(seed: int) -> None:
     mesh = sheet(FieldScan(seed))
@@ -68,6 +69,7 @@ def test_a_rock_of_a_few_coarse_edges_is_that_among_all_faces(
     np.testing.assert_array_equal(coarse.rock, direct.rock)
 
 
+@pytest.mark.slow
 def test_where_no_rock_is_the_candidates_are_told_among_all_faces() -> None:
     mesh = sheet(FieldScan(1))
     with pytest.raises(Undecided) as refused:

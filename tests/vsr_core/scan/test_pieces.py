@@ -50,6 +50,7 @@ def waisted(neck: float = 0.15) -> trimesh.Trimesh:
     return turned((0.4, 0.0), (0.4, 0.5), (neck, 0.5), (neck, 0.8), (0.4, 0.8), (0.4, 1.3))
 
 
+@pytest.mark.slow
 def test_a_solid_of_three_drums_is_three_pieces() -> None:
     rock = waisted()
     assert rock.is_volume
@@ -61,6 +62,7 @@ def test_a_solid_of_three_drums_is_three_pieces() -> None:
     assert found.error <= 0.02
 
 
+@pytest.mark.slow
 def test_a_plane_foot_stays_plane_however_the_rock_lies() -> None:
     """To the last digit: it would rock on corners that stand off their plane by 50 um."""
     drums = (0.3, 0.0), (0.32, 0.2), (0.2, 0.5), (0.2, 0.6), (0.36, 0.95), (0.36, 1.35)
@@ -96,6 +98,7 @@ def test_a_rock_that_is_no_few_pieces_is_refused(monkeypatch: pytest.MonkeyPatch
         convex_pieces(waisted(), 0.02)
 
 
+@pytest.mark.slow
 def test_a_waist_that_is_thinner_than_the_error_is_refused() -> None:
     with pytest.raises(InvalidInput, match=r"waist .* thin"):
         convex_pieces(waisted(0.02), 0.06)
@@ -134,6 +137,7 @@ def test_a_convex_rock_is_its_hull() -> None:
     assert "within" in found.told
 
 
+@pytest.mark.slow
 def test_ground_in_a_waist_stays_where_pieces_touch() -> None:
     ground, rock = nose(0.65), waisted()
     ground = Terrain(ground.vertices - [0.0, 0.0, 0.001], ground.faces)
@@ -149,6 +153,7 @@ def test_ground_in_a_waist_stays_where_pieces_touch() -> None:
     assert moved["hull"] > 0.1
 
 
+@pytest.mark.slow
 def test_lighter_pieces_are_near_the_whole_ones() -> None:
     solid = turned((0.4, 0.0), (0.5, 0.5), (0.2, 0.7), (0.5, 0.9), (0.4, 1.3), sides=50)
     rock = from_mesh(solid, 2000.0, as_scanned=True).rock

@@ -92,6 +92,7 @@ def test_a_rock_a_little_in_large_triangles_is_raised() -> None:
     assert clearance(laid.ground, at(TIP, 0.49 + raised)) > 0.0
 
 
+@pytest.mark.slow
 def test_a_wall_that_reaches_into_a_rock_is_moved() -> None:
     """No raising by a tenth of the radius would part the two."""
     ground = plane(cells=500)

@@ -204,6 +204,7 @@ def test_all_of_the_seam_may_bear() -> None:
     assert laid.terrain.vertices[near, 2].max() > -seat.DEPTH_SHARE * rock.radius
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None, derandomize=True)
 @given(st.integers(0, 10_000), st.floats(0.0, 0.15), st.floats(0.02, 0.2))
 def test_no_triangle_of_the_ground_reaches_into_the_hull(

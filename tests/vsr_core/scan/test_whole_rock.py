@@ -253,6 +253,7 @@ def test_a_slit_closes_where_its_sides_lie() -> None:
     assert len(border(without_slits(points, faces))) == 0
 
 
+@pytest.mark.slow
 def test_edges_from_rim_to_rim_are_divided() -> None:
     """Every second face along a cut left standing as a tooth, whose third edge spans the rim."""
     rng = np.random.default_rng(2)

@@ -361,6 +361,7 @@ def test_noise_is_as_asked_half_of_it_smooth(name: str, noise: float) -> None:
     assert correlation == pytest.approx(0.5, abs=0.15)
 
 
+@pytest.mark.slow
 def test_spacing_bounds_the_edges_and_changes_no_surface(name: str) -> None:
     coarse, fine = scanned(name, noise=0.0, spacing=10.0), scanned(name, noise=0.0, spacing=0.2)
     vertices, faces = merged(fine)
@@ -376,6 +377,7 @@ def test_spacing_bounds_the_edges_and_changes_no_surface(name: str) -> None:
     assert len(fine.faces) > 1.5 * len(coarse.faces)
 
 
+@pytest.mark.slow
 def test_a_seed_fixes_every_byte(name: str) -> None:
     first, second, other = scanned(name), scan(made(name)), scan(made(name), seed=1)
     for field in ("vertices", "faces", "colours", "rock"):

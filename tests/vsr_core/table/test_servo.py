@@ -501,6 +501,7 @@ def test_the_published_servo_is_the_default(write_site: Callable[..., str]) -> N
     assert in_si.servo(limited) == replace(held, force_limit=3e4)
 
 
+@pytest.mark.slow
 def test_a_servo_counts_only_where_it_drives(
     write_site: Callable[..., str], vsr: Callable[..., object]
 ) -> None:

@@ -88,6 +88,7 @@ def test_corners_left_out_are_within_the_tolerance_of_the_lighter_hull(seed: int
         assert distance <= tolerance * (1.0 + 1e-4)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6))
 @settings(max_examples=6, deadline=None, derandomize=True)
 def test_a_finer_tolerance_keeps_what_a_coarser_one_keeps(seed: int) -> None:
@@ -208,6 +209,7 @@ def test_parts_cover_the_ground_and_hardly_stand_out(seed: int, tolerance: float
     assert len(made) < len(terrain.faces)
 
 
+@pytest.mark.slow
 def test_without_tolerance_only_what_is_convex_is_joined() -> None:
     terrain = grounds.bumpy(5, 0.3, 1.0, half=2.0, cells=10)
     made = convex_parts(terrain, same_everywhere(1e-9), 0.05)
@@ -227,6 +229,7 @@ def test_walls_of_a_niche() -> None:
     assert 5 <= len(made) <= 15
 
 
+@pytest.mark.slow
 def test_no_part_lies_over_the_floor_of_a_niche_of_large_triangles() -> None:
     """As one of two walls and the ground behind them did, whose corner the samples had missed."""
     terrain = grounds.niche(0.75, 0.4, lines=9)
@@ -259,6 +262,7 @@ def test_number_of_pieces_of_even_ground(name: str, quarters: int) -> None:
     assert uncovered(moved, made).max() <= CORNER_SHARE * 0.01 + 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["level", "incline", "valley"])
 def test_planes_turned_by_any_angle_and_moved(name: str) -> None:
     terrain, number = EVEN[name]
@@ -291,6 +295,7 @@ def test_parts_end_where_they_have_too_many_points() -> None:
     assert uncovered(grounds.level(2.0, cells), made).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_coarser_where_the_tolerance_is_larger() -> None:
     terrain = grounds.bumpy(2, 0.3, 0.8, half=3.0, cells=16)
 
@@ -306,6 +311,7 @@ def test_coarser_where_the_tolerance_is_larger() -> None:
     assert standing_out(terrain, tuple(near), 3000).max() < 1.5 * 0.003
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.25, 8.0])
 def test_similar_grounds_have_similar_pieces(scale: float) -> None:
     """Scaled by a power of two, which rounds nothing."""

@@ -56,6 +56,7 @@ def in_the_middle(terrain: Terrain, rng: np.random.Generator) -> Array:
     return np.asarray(rng.uniform(low - 0.1 * (high - low), high + 0.1 * (high - low)))
 
 
+@pytest.mark.slow
 @given(sheets(), st.integers(0, 2**32 - 1))
 @settings(max_examples=80, deadline=None, derandomize=True)
 def test_verticals_against_all_triangles(terrain: Terrain, seed: int) -> None:

@@ -22,6 +22,7 @@ def unknowns(even: Array) -> list[Unknown]:
     return [Unknown(f"x{k}", unit(even[:, [k]]), unit) for k in range(even.shape[1])]
 
 
+@pytest.mark.slow
 def test_indices_of_ishigami_are_its_own() -> None:
     """Ishigami & Homma (1990), with a = 7 and b = 0.1, in closed form."""
     a, b = 7.0, 0.1

@@ -187,6 +187,7 @@ def test_of_outcomes_that_are_all_alike_there_is_no_calibrated_probability() -> 
     assert np.isnan(found.probability(counts, members)).all()
 
 
+@pytest.mark.slow
 def test_curve_finds_the_fragility_that_made_the_outcomes() -> None:
     rng = np.random.default_rng(2)
     intensity = rng.uniform(0.05, 1.0, 4000)
@@ -294,6 +295,7 @@ def plain(**changes: object) -> priors.Member:
     return replace(member, **changes)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_form_scanned_twice_is_known_as_such() -> None:
     other, noise = rough().copy(), 0.001
     other.vertices = other.vertices + noise * np.random.default_rng(3).normal(

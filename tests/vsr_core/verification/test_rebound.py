@@ -167,6 +167,7 @@ def test_run_out_through_a_bend_is_that_of_many_chords(friction: float) -> None:
 # ------------------------------------------------------------------- the engines
 
 
+@pytest.mark.slow
 @each_engine
 @settings(deadline=None, max_examples=8, derandomize=True)
 @given(degrees=st.floats(12.0, 60.0), friction=st.floats(0.05, 1.0), cut=st.booleans())
@@ -263,6 +264,7 @@ def test_ground_is_an_even_slope_whatever_it_is_made_of() -> None:
             assert inside[:, 2].min() < -0.01
 
 
+@pytest.mark.slow
 @each_engine
 def test_pushes_are_the_same_again_and_start_above_the_ground(engine: str) -> None:
     contact = Contact(0.6, 0.38)

@@ -192,6 +192,7 @@ def make_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[...,
     return make
 
 
+@pytest.mark.slow
 def test_products(make_stage: Callable[..., Path]) -> None:
     chosen = {name: ALL[name] for name in list(QUICK)[:8]}
     chosen |= {

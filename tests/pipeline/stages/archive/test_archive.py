@@ -175,6 +175,7 @@ def test_an_archive_whose_name_is_no_folders_is_refused(
     assert not (tmp_path / "d").exists()
 
 
+@pytest.mark.slow
 def test_of_ten_thousand_rows_the_broken_ones_are_named(tmp_path: Path) -> None:
     random = np.random.default_rng(3)
     broken = set(random.choice(10_000, 50, replace=False).tolist())
@@ -274,6 +275,7 @@ def test_draws_of_a_rock_are_its_fragility(tmp_path: Path) -> None:
     assert np.abs(by_draws - fragility.mean(levels)).max() < 0.02
 
 
+@pytest.mark.slow
 def test_the_band_holds_housners_boundary_of_blocks_that_short_pulses_hardly_topple(
     tmp_path: Path,
 ) -> None:

@@ -67,6 +67,7 @@ def stored(folder: Path) -> set[bytes]:
         return {key for (key,) in database.execute("SELECT key FROM runs")}
 
 
+@pytest.mark.slow
 def test_the_boundary_of_a_block_is_that_of_its_equation(make: Make) -> None:
     """In an interval of half a per cent, from a grid of steps of a tenth to a half."""
     fine = "simulation: {engine: nonsmooth, time_step: 0.0005}\n"
@@ -80,6 +81,7 @@ def test_the_boundary_of_a_block_is_that_of_its_equation(make: Make) -> None:
     np.testing.assert_allclose(first, np.array(exact) / GRAVITY, rtol=0.006)
 
 
+@pytest.mark.slow
 def test_runs_of_a_bisection_are_stored_and_done_once(make: Make, counted: list[float]) -> None:
     """A run that is interrupted goes on where it was, and no finished run is repeated."""
     with pytest.raises(AssertionError, match="goes on from there"):
@@ -103,6 +105,7 @@ def test_runs_of_a_bisection_are_stored_and_done_once(make: Make, counted: list[
     assert (folder / "boundary.nc").read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["nonsmooth", "bullet", "mujoco"])
 def test_workers_change_no_bit(make: Make, tmp_path: Path, engine: str) -> None:
     text = f"{BLOCK}{GRID}simulation: {{engine: {engine}, time_step: 0.001}}\n"
@@ -137,6 +140,7 @@ def test_on_terrain_and_with_records(
     assert data.sizes["run"] > 0
 
 
+@pytest.mark.slow
 def test_beyond_the_grid_the_bounds_are_told(make: Make) -> None:
     short = "motion: {pga: [0.3, 0.4], pgv_pga: [0.002, 0.15]}\n"
     data = read(make(BLOCK + short) / "boundary.nc")

@@ -63,6 +63,7 @@ def test_the_error_of_a_run_is_that_of_its_friction() -> None:
     np.testing.assert_allclose(found, [0.4 / 9, 0.8 / 9, 0.4, 0.0, np.nan])
 
 
+@pytest.mark.slow
 def test_a_disagreement_that_no_error_explains_is_shown_by_a_quiet_command(
     write_site: Callable[..., str],
     vsr: Callable[..., Any],

@@ -309,6 +309,7 @@ def test_window_holds_its_points_and_is_no_strip() -> None:
 # paths
 
 
+@pytest.mark.slow
 def test_every_path_is_drawn_whole(runs: xr.Dataset, ground: xr.Dataset) -> None:
     figure = trajectories(runs, ground, SOURCE)
     fallen = chosen(runs, left_seat(runs))
@@ -532,6 +533,7 @@ def every_figure(runs: xr.Dataset, ground: xr.Dataset) -> Iterator[Figure]:
     yield origin_maps(trace(known, found), known, found, ground, SOURCE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("least", [0.9, 9.5, 99.0], ids=["many", "one", "none"])
 def test_figures_say_whose_terrain_it_is_whatever_they_hold(
     least: float, ground: xr.Dataset
@@ -544,6 +546,7 @@ def test_figures_say_whose_terrain_it_is_whatever_they_hold(
         assert 4 * picture.size[0] > 1000
 
 
+@pytest.mark.slow
 def test_text_lies_inside_the_figures(runs: xr.Dataset, ground: xr.Dataset) -> None:
     for figure in every_figure(runs, ground):
         canvas = FigureCanvasAgg(figure)
@@ -685,6 +688,7 @@ def test_page_has_the_numbers(text: str, runs: xr.Dataset) -> None:
     assert bounds["PGV/PGA [s]"] == f"{runs['pgv_pga'].values[mask][far].min():.3g}"
 
 
+@pytest.mark.slow
 def test_page_says_what_the_terrain_is(runs: xr.Dataset, ground: xr.Dataset) -> None:
     warning = "This is a surrogate terrain, not a scan."
     few = chosen(runs, runs["pga"].values > 0.9)
@@ -695,6 +699,7 @@ def test_page_says_what_the_terrain_is(runs: xr.Dataset, ground: xr.Dataset) -> 
     assert "No observed fallen rock was given:" in scanned
 
 
+@pytest.mark.slow
 def test_page_of_directions_that_topple_nothing(ground: xr.Dataset) -> None:
     both = joined(falls(4, 5, least=99.0), falls(4, 5, least=99.0, yaw=90.0))
     made = Page(

@@ -190,6 +190,7 @@ def on_screen(page: Any, point: Array) -> Array:
     return seen + 0.5 * np.array(size)
 
 
+@pytest.mark.slow
 def test_the_ground_and_the_rock_are_seen(opened: Opened) -> None:
     page = opened()
     assert vsr(page, "error") == 0
@@ -209,6 +210,7 @@ def test_the_ground_and_the_rock_are_seen(opened: Opened) -> None:
     assert at[0] > 1.4 * at[1] > 1.4 * 1.4 * at[2]  # the rock's orange
 
 
+@pytest.mark.slow
 def test_the_page_is_dark_where_its_reader_wants_it(opened: Opened) -> None:
     """The sky, too; ground and lines keep their colours."""
     lit, dark = (opened(color_scheme=scheme) for scheme in ("light", "dark"))
@@ -223,6 +225,7 @@ def test_the_page_is_dark_where_its_reader_wants_it(opened: Opened) -> None:
     assert same[before.shape[0] // 2 :].mean() > 0.5
 
 
+@pytest.mark.slow
 def test_z_is_up_and_the_way_runs_to_the_right(opened: Opened, displacement: xr.Dataset) -> None:
     page = opened()
     target = np.array(vsr(page, "view")["target"])
@@ -241,6 +244,7 @@ def test_z_is_up_and_the_way_runs_to_the_right(opened: Opened, displacement: xr.
         assert seen[-1, 0] > seen[0, 0]
 
 
+@pytest.mark.slow
 def test_the_slider_puts_the_rock_where_the_dataset_has_it(
     opened: Opened, displacement: xr.Dataset
 ) -> None:
@@ -269,6 +273,7 @@ def test_the_slider_puts_the_rock_where_the_dataset_has_it(
             assert page.locator("#now").inner_text() == f"{now:.2f} of {time[-1]:.2f} s"
 
 
+@pytest.mark.slow
 def test_another_run_is_another_path(opened: Opened, displacement: xr.Dataset) -> None:
     page = opened()
     assert page.locator("#run option").count() == TOPPLED
@@ -290,6 +295,7 @@ def test_another_run_is_another_path(opened: Opened, displacement: xr.Dataset) -
     assert np.abs(after[near].astype(int) - before[near]).max() > 60
 
 
+@pytest.mark.slow
 def test_the_path_has_the_colour_of_the_speed(opened: Opened, displacement: xr.Dataset) -> None:
     page = opened()
     page.locator("#others").uncheck()
@@ -307,6 +313,7 @@ def test_the_path_has_the_colour_of_the_speed(opened: Opened, displacement: xr.D
     assert page.locator("#largest").text_content() == f"{largest:.2g}"
 
 
+@pytest.mark.slow
 def test_mouse_and_keys_change_the_view(opened: Opened) -> None:
     page = opened()
     box = page.locator("#scene").bounding_box()
@@ -362,6 +369,7 @@ def test_the_wheel_comes_closer_to_what_is_under_it(
     np.testing.assert_allclose(on_screen(page, point), before, atol=2.0)
 
 
+@pytest.mark.slow
 def test_two_fingers_pinch(opened: Opened) -> None:
     page = opened(viewport=PHONE, has_touch=True, is_mobile=True)
     before = vsr(page, "view")
@@ -386,6 +394,7 @@ def test_two_fingers_pinch(opened: Opened) -> None:
     assert after["azimuth"] == before["azimuth"]
 
 
+@pytest.mark.slow
 def test_play_goes_in_real_time_and_stops(opened: Opened, displacement: xr.Dataset) -> None:
     page = opened()
     page.select_option("#run", "0")
@@ -414,6 +423,7 @@ def test_play_goes_in_real_time_and_stops(opened: Opened, displacement: xr.Datas
     assert vsr(page, "time") == pytest.approx(end - 0.05)
 
 
+@pytest.mark.slow
 def test_the_pointer_reads_a_path_and_chooses_it(opened: Opened, displacement: xr.Dataset) -> None:
     page = opened()
     time, place, _, speed = motion(displacement, 1)
@@ -433,6 +443,7 @@ def test_the_pointer_reads_a_path_and_chooses_it(opened: Opened, displacement: x
     assert page.locator("#tip").is_hidden()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [WIDE, PHONE, {"width": 700, "height": 360}])
 def test_nothing_overlaps_or_sticks_out(opened: Opened, size: dict[str, int]) -> None:
     title = "Where a rock on a slope with a rather long name would go"

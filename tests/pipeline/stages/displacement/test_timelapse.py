@@ -440,6 +440,7 @@ def frames(data: bytes) -> tuple[list[Array], float]:
     return pictures, lasting
 
 
+@pytest.mark.slow
 def test_the_rock_of_the_animation_goes_its_way_in_real_time(
     displacement: xr.Dataset, terrain: xr.Dataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -464,6 +465,7 @@ def test_the_rock_of_the_animation_goes_its_way_in_real_time(
     assert np.linalg.norm(moved[2] - moved[0]) > 200.0
 
 
+@pytest.mark.slow
 def test_a_long_fall_is_shown_faster(
     displacement: xr.Dataset, terrain: xr.Dataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -93,6 +93,7 @@ def cuboids(**levels: float) -> dict[str, xr.Dataset]:
             zip(fig_12.SIZES, ("b", "c", "d", "e"), strict=True)}  # fmt: skip
 
 
+@pytest.mark.slow
 def test_fig_12_draws_the_paper_s_axes_and_housner() -> None:
     figure = fig_12.draw(cuboids(b=0.6, c=0.4, d=0.5, e=0.4))
     _, *panels = figure.axes

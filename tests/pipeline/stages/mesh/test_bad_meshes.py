@@ -241,6 +241,7 @@ def test_a_surrogate_stands_for_the_scan_beside_which_it_is_named(
     assert vsr(*mistyped, "--set", "rock.fallback=double_rock").code == 0
 
 
+@pytest.mark.slow
 def test_a_refused_scan_leaves_the_products_of_the_last_good_one(
     tmp_path: Path, vsr: Callable[..., object], derived: Path
 ) -> None:

@@ -109,6 +109,7 @@ def test_page_of_a_closed_scan(
     assert not np.any(drawn["rock_from_sides"][2])
 
 
+@pytest.mark.slow
 def test_page_of_a_refusal(tmp_path: Path, vsr: Vsr, derived: Path) -> None:
     """With its picture; `plan`, which leaves nothing behind, names no page."""
     mesh = stone()

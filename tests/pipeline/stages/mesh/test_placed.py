@@ -87,6 +87,7 @@ def rest(derived: Path) -> tuple[Array, Rotation]:
 TURN = Rotation.from_euler("z", 35.0, degrees=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gap", "cells"),
     [
@@ -117,6 +118,7 @@ def test_a_rock_stands_where_its_pose_says(
     assert f"{1e3 * abs(gap):.1f} mm" in page
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slope", [0.0, 0.3])
 @pytest.mark.parametrize("together", [False, True], ids=["own file", "one scan"])
 def test_the_ground_that_may_bear_a_rock_stays_as_it_was_scanned(
@@ -143,6 +145,7 @@ def test_the_ground_that_may_bear_a_rock_stays_as_it_was_scanned(
     np.testing.assert_allclose(at_border.max(axis=(1, 2)), 3.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("whole", [False, True])
 def test_ground_that_nobody_saw_stays_where_all_of_it_bears(whole: bool) -> None:
     """Where points bear it lies lower in any case, and small waves of it have fewer triangles."""
@@ -164,6 +167,7 @@ def test_ground_that_nobody_saw_stays_where_all_of_it_bears(whole: bool) -> None
     assert (own <= kept) == whole
 
 
+@pytest.mark.slow
 def test_a_rock_that_falls_lies_on_the_slope(tmp_path: Path, vsr: Vsr, derived: Path) -> None:
     """Its base on the slope, its centre half its height above, whatever the z that was given."""
     centre = np.array([0.2, 0.3, 40.0])
@@ -178,6 +182,7 @@ def test_a_rock_that_falls_lies_on_the_slope(tmp_path: Path, vsr: Vsr, derived: 
     assert np.abs(place[:2] - centre[:2]).max() < 0.2  # its toe lands first, and it turns about it
 
 
+@pytest.mark.slow
 def test_files_that_agree_need_no_pose(tmp_path: Path, vsr: Vsr, derived: Path) -> None:
     terrain = ground()
     terrain.apply_translation(CORNER - np.array([0.0, 0.0, 0.002]))
@@ -227,6 +232,7 @@ def drums(neck: float) -> trimesh.Trimesh:
     return trimesh.creation.revolve(np.column_stack([radii, heights]), sections=16)
 
 
+@pytest.mark.slow
 def test_a_rock_with_a_waist_is_kept_as_pieces_or_refused(
     tmp_path: Path, vsr: Vsr, refused: Refused, derived: Path
 ) -> None:

@@ -169,6 +169,7 @@ def test_nothing_runs_on_a_proposal_that_is_not_accepted(shown: Shown) -> None:
     assert names(shown.products) == before
 
 
+@pytest.mark.slow
 def test_planning_says_so_too(shown: Shown, tmp_path: Path, quick: None) -> None:
     ran = run("plan", "displacement", "--site", shown.site, "--derived", tmp_path / "derived")
     assert ran.code == 2
@@ -185,6 +186,7 @@ def test_a_second_look_makes_nothing(shown: Shown) -> None:
     assert not [line for line in ran.err.splitlines() if line.startswith("scan: ")]
 
 
+@pytest.mark.slow
 def test_an_accepted_proposal_brings_the_terrain(tmp_path: Path, quick: None) -> None:
     write_ply(tmp_path / "scan.ply", survey(), FAR)
     where = site(tmp_path, "cut: proposal")
@@ -204,6 +206,7 @@ def test_an_accepted_proposal_brings_the_terrain(tmp_path: Path, quick: None) ->
     assert place @ up == pytest.approx(0.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_subprocess(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "pipeline", "prep", "--derived", str(tmp_path / "derived")]
     bad = site(tmp_path, rock="mesh: nowhere.ply")
@@ -238,6 +241,7 @@ def cut_by(kind: str) -> str:
 SLOW = pytest.mark.slow
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind",
     ["plane", pytest.param("box", marks=SLOW), pytest.param("polygon", marks=SLOW), "colour"],
@@ -456,6 +460,7 @@ def test_places_of_rocks_are_in_the_scans_own_coordinates(tmp_path: Path, refuse
         assert min(np.linalg.norm(found - top) for found in tops) < 0.3
 
 
+@pytest.mark.slow
 def test_one_of_two_rocks() -> None:
     for at in ((-0.55, 0.0), (0.55, 0.1)):
         true = tapered(at).solid
@@ -597,6 +602,7 @@ def test_a_refused_scan_leaves_the_products_of_the_last_good_one(
 # What is repaired
 
 
+@pytest.mark.slow
 def test_scan_with_the_usual_faults() -> None:
     """Split and lost vertices, faces without area, wound or given twice: the same rock."""
     mesh = survey()
@@ -630,6 +636,7 @@ def source_of(where: Path) -> Source:
     return source
 
 
+@pytest.mark.slow
 def test_a_scan_in_the_folder_takes_the_surrogates_place(
     tmp_path: Path, shown: Shown, quick: None
 ) -> None:
@@ -756,6 +763,7 @@ def test_page_of_a_proposal(shown: Shown) -> None:
     np.testing.assert_allclose(place, tapered().solid.center_mass, atol=PLACE)
 
 
+@pytest.mark.slow
 def test_page_of_an_accepted_and_of_a_given_cut(quick: None) -> None:
     found = prepared()
     page = scan_page.page("hill", "made from figures", found, accepted=True, surrogate=True)
@@ -851,6 +859,7 @@ def test_the_seat_is_as_large_as_the_foot() -> None:
     assert area == pytest.approx(0.72 * 0.6 * tapered().up[2], rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_seam_is_drawn_once_in_every_view() -> None:
     figure = scan_figures.separation(prepared(), "scan")
     edges = len(prepared().separation.seams[0].loop)

@@ -119,6 +119,7 @@ def test_what_is_not_recorded_rests(folder: Path) -> None:
     assert samples(site(folder, "{components: {x: x.csv}}")).shape == (401, 1)
 
 
+@pytest.mark.slow
 def test_products_tell_components_and_what_the_vertical_does(
     folder: Path, vsr: Vsr, derived: Path
 ) -> None:

@@ -151,6 +151,7 @@ def test_figures_show_what_they_say(folder: Path) -> None:
     assert [name.split("\n")[0] for name in names] == ["p150", "p300", "p500"]
 
 
+@pytest.mark.slow
 def test_runs_are_known_by_samples_not_by_names(folder: Path, tmp_path: Path, capsys) -> None:
     """Another name, place and spacing in the file: the same motion, no run is done again."""
     shutil.copytree(folder / "motions", tmp_path / "motions")
@@ -303,6 +304,7 @@ def test_a_study_elsewhere_finds_its_own_files(folder: Path, tmp_path: Path) -> 
     assert motion_grid.of_site(found).rows == ("one",)
 
 
+@pytest.mark.slow
 def test_repairs_are_told(tmp_path: Path) -> None:
     lines = pulse_record(0.3).splitlines()
     (tmp_path / "holed.csv").write_text("\n".join([*lines[:200], *lines[202:]]))

@@ -236,6 +236,7 @@ def test_a_table_that_stands_or_turns_about_its_middle_shakes_nothing(
     refused(*given, words=("motion.files", "again.csv", "a table that never moves"))
 
 
+@pytest.mark.slow
 def test_runs_of_motions_in_several_axes(
     site: str, vsr: Callable[..., Ran], derived: Path, tmp_path: Path
 ) -> None:
@@ -264,6 +265,7 @@ def test_runs_of_motions_in_several_axes(
     assert "0 to do" in vsr("plan", "--site", site, *bullet).out
 
 
+@pytest.mark.slow
 def test_another_file_is_another_motion(
     site: str, vsr: Callable[..., Ran], derived: Path, tmp_path: Path
 ) -> None:

@@ -121,6 +121,7 @@ def test_a_grid_of_pulses_on_three_axes(site: str, vsr: Callable[..., Ran], deri
     assert "6 to do" in plan
 
 
+@pytest.mark.slow
 def test_x_alone_is_the_plain_pulse(
     write_site: Callable[..., str], vsr: Callable[..., Ran], derived: Path
 ) -> None:

@@ -185,6 +185,7 @@ def test_the_neighbour_is_the_nearest_that_ends_otherwise(
 # ---- The run of the study
 
 
+@pytest.mark.slow
 def test_only_the_run_that_is_shown_is_done(site: Path, tmp_path: Path) -> None:
     given = [word if word != str(site.parent / "derived") else str(tmp_path) for word in vsr(site)]
     assert cli.main(given) == cli.DONE
@@ -268,6 +269,7 @@ def test_an_engine_that_has_no_terrain_plays_none() -> None:
         other(site.config, shaking, first, "engine=mujoco")
 
 
+@pytest.mark.slow
 def test_an_engine_whose_table_turns_not_plays_no_such_motion(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -316,6 +318,7 @@ def go_to(page: Any, time: float) -> float:
     return now
 
 
+@pytest.mark.slow
 def test_one_cursor_moves_all_views(
     opened: Opened, alone: Path, study: Study, responses: xr.Dataset
 ) -> None:
@@ -353,6 +356,7 @@ def test_one_cursor_moves_all_views(
     assert (np.diff(np.array(cursors), axis=0) > 10.0).all()
 
 
+@pytest.mark.slow
 def test_keys_play_and_step(opened: Opened, alone: Path) -> None:
     page = drawn(opened(alone))
     page.keyboard.press("ArrowRight")
@@ -404,6 +408,7 @@ def test_two_runs_at_one_time(opened: Opened, pair: Path) -> None:
     assert one["position"] != two["position"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param("alone", marks=pytest.mark.slow), "pair"])
 def test_a_phone_needs_no_sideways_scrolling(
     opened: Opened, name: str, request: pytest.FixtureRequest

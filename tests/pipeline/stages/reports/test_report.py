@@ -149,6 +149,7 @@ def test_hostile_name_is_escaped(made: Path) -> None:
     assert all("onerror" not in attrs for _, attrs in page.tags)
 
 
+@pytest.mark.slow
 def test_undecided_runs_cannot_be_missed(made: Path, tmp_path: Path) -> None:
     shutil.copytree(made, tmp_path / "copy")
     file = tmp_path / "copy" / "responses.nc"
@@ -473,6 +474,7 @@ def test_the_printed_command_makes_the_boundary_that_is_shown(
     assert one.identical(other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("motion", "along_x", "pushing"),
     [
@@ -530,6 +532,7 @@ def test_command_finds_the_terrain_of_a_study_in_another_folder(tmp_path: Path) 
     assert found.resolve() == tmp_path / "studies" / "ground.ply"
 
 
+@pytest.mark.slow
 def test_same_bytes_every_time(products: dict[str, xr.Dataset]) -> None:
     images = [
         (

@@ -136,6 +136,7 @@ def test_the_report_stays_small(made: Path, data: dict[str, Any]) -> None:
 # ---- In a browser
 
 
+@pytest.mark.slow
 def test_every_cell_tells_what_the_study_found(
     opened: Opened, made: Path, responses: xr.Dataset
 ) -> None:
@@ -156,6 +157,7 @@ def test_every_cell_tells_what_the_study_found(
         assert len(set(seen)) == 30
 
 
+@pytest.mark.slow
 def test_a_cell_tells_under_the_pointer_and_a_finger(
     opened: Opened, made: Path, responses: xr.Dataset, data: dict[str, Any]
 ) -> None:
@@ -177,6 +179,7 @@ def test_a_cell_tells_under_the_pointer_and_a_finger(
 PAUSE = "(document.getElementById('play').click(), true)"
 
 
+@pytest.mark.slow
 def test_a_run_is_played_in_its_diagram(opened: Opened, made: Path, data: dict[str, Any]) -> None:
     page = opened(made / "report.html", viewport=PHONE)
     assert not page.locator("#player").is_visible()
@@ -199,6 +202,7 @@ def test_a_run_is_played_in_its_diagram(opened: Opened, made: Path, data: dict[s
     assert page.evaluate("document.documentElement.scrollWidth") == PHONE["width"]
 
 
+@pytest.mark.slow
 def test_a_run_chosen_again_goes_at_the_pace_of_the_clock(opened: Opened, made: Path) -> None:
     page = opened(made / "report.html")
     frame = "(done) => requestAnimationFrame((now) => done([now / 1000, window.vsr.time]))"

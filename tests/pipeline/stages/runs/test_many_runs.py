@@ -95,6 +95,7 @@ def test_parts_give_what_the_whole_gives(job: Work, monkeypatch: pytest.MonkeyPa
         assert row.steps == (0 if toppled else place // 6)
 
 
+@pytest.mark.slow
 def test_a_batch_is_written_to_few_pages(job: Work) -> None:
     """Rows of a batch lie side by side, although keys are as good as random."""
     motions = grid(100, 100)

@@ -72,6 +72,7 @@ def test_what_is_named_is_known_and_has_its_error(
     assert (ended["outcome"].values == data["outcome"].values).mean() > 0.95
 
 
+@pytest.mark.slow
 def test_a_step_by_hand_has_its_errors_measured_all_the_same(
     write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path
 ) -> None:
@@ -85,6 +86,7 @@ def test_a_step_by_hand_has_its_errors_measured_all_the_same(
     assert np.isnan(data["boundary_error"].item())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_friction_has_its_own_error(
     at: int, write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path

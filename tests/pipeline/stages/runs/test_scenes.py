@@ -80,6 +80,7 @@ def test_a_friction_more_leaves_the_runs_of_another_as_they_are(tmp_path: Path) 
     assert found[0] == found[1] != found[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("whole", [False, True])
 def test_all_of_a_rock_touches_a_seam_all_of_which_bears(whole: bool) -> None:
     """A light hull stands off the ground beside its base, where points do not bear."""

@@ -95,6 +95,7 @@ def test_a_friction_more_keeps_what_was_measured_on_a_seat() -> None:
     assert list(flat.values()) != list(own.values())
 
 
+@pytest.mark.slow
 def test_a_reference_is_told_in_g_and_a_tighter_tolerance_takes_a_shorter_step(
     write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path
 ) -> None:
@@ -116,6 +117,7 @@ def test_a_reference_is_told_in_g_and_a_tighter_tolerance_takes_a_shorter_step(
     assert step < made["time_step"].item()
 
 
+@pytest.mark.slow
 def test_a_measurement_that_was_damaged_is_not_believed(
     write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path
 ) -> None:
@@ -135,6 +137,7 @@ def test_a_measurement_that_was_damaged_is_not_believed(
     assert read(path).drop_attrs().equals(made.drop_attrs())
 
 
+@pytest.mark.slow
 def test_a_rock_that_nothing_moves_has_no_measured_error(
     write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path
 ) -> None:
@@ -163,6 +166,7 @@ def test_a_rock_that_nothing_moves_has_no_measured_error(
     assert "error of the boundary is at most" not in page
 
 
+@pytest.mark.slow
 def test_a_rock_that_slides_is_measured_by_its_sliding(
     write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path
 ) -> None:

@@ -107,6 +107,7 @@ def test_a_row_that_only_a_servo_topples_has_no_shift() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_toppling_rock_disturbs_the_table_for_an_instant() -> None:
     """As in Fig. 7b; no longer than the loop needs, and in the ratio of the masses."""
     rock = box((0.6, 0.6, 2.0))
@@ -153,6 +154,7 @@ def test_one_pgv_pga_is_one_row(
         assert found["pgv_pga"].values.tolist() == [0.3]
 
 
+@pytest.mark.slow
 def test_products(
     small: None, write_site: Callable[..., str], vsr: Callable[..., object], derived: Path
 ) -> None:
@@ -210,6 +212,7 @@ def test_an_unstable_servo_is_refused_though_it_is_idle(
     refused(*line, words=words)
 
 
+@pytest.mark.slow
 def test_pulses_that_no_drive_follows_are_refused(
     vsr: Callable[..., object], write_site: Callable[..., str]
 ) -> None:

@@ -135,6 +135,7 @@ def write_table(tmp_path: Path) -> Callable[..., str]:
     return write
 
 
+@pytest.mark.slow
 def test_products_of_a_small_grid(
     write_site: Callable[..., str],
     write_table: Callable[..., str],
@@ -219,6 +220,7 @@ def test_an_export_that_is_stopped_can_be_begun_again(
     assert feasible._export(grid, TABLE, tmp_path / "out") == 2
 
 
+@pytest.mark.slow
 def test_a_damaged_boundary_and_that_of_another_rock_are_not_drawn(
     write_site: Callable[..., str],
     vsr: Callable[..., object],

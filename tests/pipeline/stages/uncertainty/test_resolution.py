@@ -45,6 +45,7 @@ def test_a_finer_grid_moves_the_band_by_no_more_than_a_bracket(
     assert again.identical(fine)
 
 
+@pytest.mark.slow
 def test_a_bracket_finer_than_the_numerical_error_is_refused(
     vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
 ) -> None:

@@ -66,6 +66,7 @@ def sliding_errors(step: float) -> NDArray[np.float64]:
     return np.abs(slip - right) / np.maximum(right, 1e-3 * rock.radius)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("errors", [rocking_errors, sliding_errors])
 def test_peaks_are_those_of_the_exact_block(errors: Callable[[float], NDArray[np.float64]]) -> None:
     """Median and four in five at the coarse step; 95 % at a third of it."""

@@ -80,6 +80,7 @@ def test_a_cube_never_gains_energy(
     assert energy(rock, after) <= held * (1.0 + (1e-3 if long else 1e-7))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=200)
 @given(seed=SEEDS, e=SHARES, mu=st.floats(0.0, 1.5), energetic=LAWS)
 @example(seed=1, e=1.0, mu=0.0, energetic=False)
