@@ -116,12 +116,11 @@ def along(data: xr.Dataset, sweep: Sweep, dimension: Dimension) -> xr.Dataset:
 
 
 def changes(data: xr.Dataset, dimension: Dimension) -> list[Change]:
-    """Compare each place along a dimension with the reference."""
+    """Compare each place along a dimension with the reference, on the rows that both have run."""
     name = dimension.name
     members = [data.isel({name: n}) for n in range(data.sizes[name])]
-    reference = filled(members[dimension.reference])
     return [
-        _change(place, reference, label, same=n == dimension.reference)
+        _change(place, members[dimension.reference], label, same=n == dimension.reference)
         for n, (place, label) in enumerate(zip(members, places(dimension), strict=True))
     ]
 
@@ -167,39 +166,6 @@ def typical(curves: xr.Dataset, kept: tuple[str, ...]) -> xr.Dataset:
     """Medians of boundaries over all other dimensions; nan between -inf and inf."""
     with np.errstate(invalid="ignore"):
         return curves.median([dim for dim in curves[BOUNDARY].dims if dim not in kept])
-
-
-def filled(data: xr.Dataset) -> xr.Dataset:
-    """Boundaries also on rows that were not run, straight between neighbours in the logarithms.
-
-    Motions of another kind may have a PGV/PGA between those of a grid; between two records there is
-    no third.
-    """
-    if "record" in data and bool((data["record"] != "").any()):
-        return data
-    ran = (data["outcome"] >= 0).any([dim for dim in data["outcome"].dims if dim != "pgv_pga"])
-    if "pgv_pga" not in data.dims or bool(ran.all()):
-        return data
-    ratio, ran_there = np.log(data["pgv_pga"].values), ran.values
-
-    def between(values: Array) -> Array:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found = np.exp(
-                np.interp(
-                    ratio, ratio[ran_there], np.log(values[ran_there]), left=np.nan, right=np.nan
-                )
-            )
-        return np.where(ran_there, values, found)
-
-    dims = ["pgv_pga"]
-    return data.assign(
-        {
-            name: xr.apply_ufunc(
-                between, data[name], input_core_dims=[dims], output_core_dims=[dims], vectorize=True
-            )
-            for name in (BOUNDARY, LOWER, UPPER)
-        }
-    )
 
 
 def collapsed(data: xr.Dataset) -> xr.Dataset | None:
@@ -299,7 +265,8 @@ def about(
             f"The normalised boundaries differ by {100 * spread[0]:.2f} % in the "
             f"median and {100 * spread[1]:.2f} % at most."
         )
-    sentences = (_moved(dimension, changes), _none(changes), _beyond(changes), own)
+    moved, unknown = _moved(dimension, changes), _unknown(dimension, changes)
+    sentences = (moved, unknown, _none(changes), _beyond(changes), own)
     where = f"At {listed(constant)}: " if constant else ""
     return where + " ".join(filter(None, sentences))
 
@@ -318,6 +285,15 @@ def _moved(dimension: Dimension, changes: list[Change]) -> str:
         return f"{against} moves by {_percent(most.mean)} at {_named([o.label for o in known])}."
     low, high = (f"{_percent(one.mean)} at {one.label}" for one in (least, most))
     return f"{against} moves by {low} to {high}."
+
+
+def _unknown(dimension: Dimension, changes: list[Change]) -> str:
+    """Places that have no row in common with the reference."""
+    reference = places(dimension)[dimension.reference]
+    if not (labels := [one.label for one in changes if not one.is_reference and not one.rows]):
+        return ""
+    why = f"no PGV/PGA level has decided runs both there and at {reference}"
+    return f"At {_named(labels)} the change is not known: {why}."
 
 
 def _none(changes: list[Change]) -> str:

@@ -18,7 +18,6 @@ from pipeline.stages.studies.sweeps.changes import (
     LOWER,
     UPPER,
     axis_label,
-    filled,
     places,
     typical,
 )
@@ -181,8 +180,41 @@ def _completed(data: xr.Dataset, name: str) -> xr.Dataset:
     if bool(ran.all()):
         return data
     rows = ran.isel({name: int(np.argmin(ran.sum("pgv_pga").values))}).values
-    places = [filled(data.isel({name: n})) for n in range(data.sizes[name])]
+    places = [_filled(data.isel({name: n})) for n in range(data.sizes[name])]
     return xr.concat(places, name, data_vars="all").isel(pgv_pga=rows)
+
+
+def _filled(data: xr.Dataset) -> xr.Dataset:
+    """Boundaries also on rows that were not run, straight between neighbours in the logarithms.
+
+    Motions of another kind may have a PGV/PGA between those of a grid; between two records there is
+    no third.
+    """
+    if "record" in data and bool((data["record"] != "").any()):
+        return data
+    ran = (data["outcome"] >= 0).any([dim for dim in data["outcome"].dims if dim != "pgv_pga"])
+    if "pgv_pga" not in data.dims or bool(ran.all()):
+        return data
+    ratio, ran_there = np.log(data["pgv_pga"].values), ran.values
+
+    def between(values: Array) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.exp(
+                np.interp(
+                    ratio, ratio[ran_there], np.log(values[ran_there]), left=np.nan, right=np.nan
+                )
+            )
+        return np.where(ran_there, values, found)
+
+    dims = ["pgv_pga"]
+    return data.assign(
+        {
+            name: xr.apply_ufunc(
+                between, data[name], input_core_dims=[dims], output_core_dims=[dims], vectorize=True
+            )
+            for name in (BOUNDARY, LOWER, UPPER)
+        }
+    )
 
 
 def _positions(axes: Axes, dimension: Dimension) -> Array:

@@ -19,6 +19,7 @@ PGA = np.linspace(0.1, 1.0, 10)
 RATIO = [0.1, 0.2, 0.4, 0.8]
 SIZE = Dimension("size", {"rock.radius": (1, 4)}, ("1", "4"), 0, gridded=False)
 
+RUNS = ("outcome", "overturned")
 AT_ONCE, NEVER = (np.nan, 0.1), (1.0, np.inf)
 
 
@@ -105,6 +106,27 @@ def test_what_topples_beyond_the_grid_topples() -> None:
     said = about(SIZE, compared([NEVER] * 4, [(1.4, 1.6)] * 4), None, [])
     assert "No PGV/PGA level has a boundary at both" in said
     assert "At 1 nothing topples up to the highest PGA tried." in said
+
+
+def not_run(data: xr.Dataset, place: int, levels: list[int]) -> xr.Dataset:
+    """The study without runs of a place at some PGV/PGA."""
+    here = (data["size"] == place) & data["pgv_pga"].isin([RATIO[level] for level in levels])
+    return data.where(~here).assign({name: data[name].where(~here, -1) for name in RUNS})
+
+
+def test_levels_of_one_member_alone_are_no_change() -> None:
+    """One boundary, bent between levels: straight lines between those of the reference miss it."""
+    curve = [(0.8, 0.9), (0.3, 0.4), (0.2, 0.3), (0.1, 0.2)]
+    both = study(curve, curve).assign_coords(size=[0, 1])
+    some = changes(not_run(not_run(both, 0, [1]), 1, [0, 3]), SIZE)
+    assert (some[1].mean, some[1].low, some[1].high) == (0.0, 0.0, 0.0)
+    assert (some[1].apart, some[1].rows) == (0, 1)
+    none = changes(not_run(not_run(both, 0, [1, 2]), 1, [0, 3]), SIZE)
+    assert np.isnan([none[1].mean, none[1].low, none[1].high]).all()
+    assert (none[1].apart, none[1].rows, none[1].without) == (0, 0, 0)
+    said = about(SIZE, none, None, [])
+    assert "At 4 the change is not known: no PGV/PGA level has decided runs both there" in said
+    assert "beyond" not in said
 
 
 def test_runs_by_their_number_are_no_rows_of_records() -> None:
