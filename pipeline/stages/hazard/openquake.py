@@ -43,7 +43,10 @@ _STORED = "hcurves-rlzs"
 _NAME = re.compile(r"hazard_curve-(mean|rlz-(\d+))-(\w+?)(?:_\d+)?\.csv")
 YEARS = re.compile(r"\binvestigation_time\s*=\s*([^\s,'\"]+)")
 _MEASURE = re.compile(r"imt\s*=\s*['\"]*([A-Za-z]+(?:\([^)]*\))?)")
-_KIND = re.compile(r"kind\s*=\s*['\"]*([\w.-]+)")
+_KINDS = r"(?:mean|max|std|quantile|rlz)[\w.-]*"
+_KIND = re.compile(rf"(?:^[#\",\s]*(?={_KINDS}\s*,)|kind\s*=\s*['\"]*)([\w.-]+)")
+"""What a curve is of, by name, or older: first of all, ``# rlz-000, investigation_time=50.0``."""
+
 _LEVEL = re.compile(r"([A-Za-z]\w*(?:\([^)]*\))?)-(.+)")
 _LIKE_ONE = re.compile(r"hazard_curve-.*-PG[AV].*", re.IGNORECASE)
 _PLACES = ("lon", "lat", "depth", "custom_site_id", "site_id")

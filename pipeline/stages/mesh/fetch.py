@@ -42,7 +42,7 @@ def fetch(name: str, url: str | None = None, raw: Path | None = None) -> Path:
         rule = f"originals are known of {', '.join(ORIGINALS)}"
         raise InputError(Problem("NAME", "", repr(name), rule, "give one of them"))
     folder = (raw or working_folder() / "data" / "raw") / name
-    there = [p.name for p in folder.glob("*") if p.suffix.lower() in SUFFIXES]
+    there = [p.name for p in folder.glob("[!.]*") if p.suffix.lower() in SUFFIXES]
     if there:
         raise _problem(
             str(folder), there[0], "a site has one scan", "remove it to fetch the original"

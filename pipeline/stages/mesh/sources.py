@@ -27,6 +27,13 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".ply", ".stl", ".obj", ".dae", ".glb")
 
+_NOT_READ = (
+    *(".gltf", ".off", ".3mf", ".fbx", ".3ds", ".blend", ".ctm", ".wrl", ".x3d", ".vtk", ".vtp"),
+    *(".usd", ".usda", ".usdc", ".usdz", ".step", ".stp", ".iges", ".igs", ".dxf"),
+    *(".las", ".laz", ".e57", ".pcd", ".pts", ".ptx", ".xyz", ".asc", ".zip", ".7z", ".rar"),
+)
+"""Endings of scans in other formats, or packed: none stands in for them."""
+
 ORIGIN = "origin.json"
 """Beside a fetched mesh: where it came from, and its checksum."""
 
@@ -145,7 +152,9 @@ def _file(section: str, name: str, fallback: str | None, origin: Origin) -> Path
     path = located(origin.folder_of(key), name, file, key)
     is_folder = path.is_dir() or not (path.exists() or path.suffix)
     if is_folder or (not path.exists() and fallback):
-        scans = sorted(p for p in path.glob("*") if p.suffix.lower() in SUFFIXES)
+        inside = sorted(path.glob("[!.]*"))
+        scans = [p for p in inside if p.suffix.lower() in SUFFIXES]
+        scans = scans or [p for p in inside if p.suffix.lower() in _NOT_READ][:1]
         if len(scans) > 1:
             names = ", ".join(scan.name for scan in scans)
             rule = "a site has one scan" if section == "pedestal" else "a rock has one"

@@ -150,6 +150,20 @@ def test_what_breaks_a_rule_is_refused_in_one_line(
     assert str(tmp_path) in str(error.value)
 
 
+@pytest.mark.parametrize("kind", ["quantile-0.95", "rlz-000", "std"])
+def test_an_older_curve_that_is_not_what_its_name_says_is_refused(
+    tmp_path: Path, kind: str
+) -> None:
+    """Older files begin with what they are of, without a key."""
+    path = tmp_path / "hazard_curve-mean-PGA_1.csv"
+    mean = older(0, RATES[0]).replace("rlz-000", "mean")
+    path.write_text(mean, encoding="utf-8")
+    assert curve_folder.load(tmp_path).branches
+    path.write_text(mean.replace("mean", kind), encoding="utf-8")
+    with pytest.raises(InputError, match=f"kind: got {kind}; the file name says mean"):
+        curve_folder.load(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("factor", "names", "words"),
     [

@@ -658,6 +658,31 @@ def test_a_scan_in_the_folder_takes_the_surrogates_place(
     see_that_it_is_the_rock(tmp_path / "anew" / "hill")
 
 
+@pytest.mark.parametrize("name", ["rock.gltf", "rock.OFF", "rock.usdz", "cloud.laz", "scan.zip"])
+def test_no_surrogate_stands_for_a_scan_in_a_format_that_is_not_read(
+    tmp_path: Path, name: str
+) -> None:
+    where = site(tmp_path, rock="mesh: raw/, fallback: granite_dells")
+    (tmp_path / "raw").mkdir()
+    (tmp_path / "raw" / name).touch()
+    ran = run("plan", "rock", "--site", where, "--derived", tmp_path / "made")
+    assert ran.code == 2
+    assert ran.err.count("\n") == 1
+    rule = "a mesh ends in .ply .stl .obj .dae .glb; convert it"
+    assert f"raw/{name}; {rule}" in ran.err
+    write_ply(tmp_path / "raw" / "mine.ply", survey(), FAR)
+    assert "mine.ply" in source_of(where).label
+
+
+def test_hidden_files_beside_a_scan_are_no_scans(tmp_path: Path) -> None:
+    where = site(tmp_path, rock="mesh: raw/, fallback: granite_dells")
+    (tmp_path / "raw").mkdir()
+    (tmp_path / "raw" / "._mine.ply").touch()
+    assert "surrogate" in source_of(where).label
+    write_ply(tmp_path / "raw" / "mine.ply", survey(), FAR)
+    assert "mine.ply" in source_of(where).label
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["double_rock_terrain", "granite_dells"])
 def test_surrogate_sites(tmp_path: Path, name: str) -> None:
