@@ -150,6 +150,23 @@ def test_a_shaken_rock_is_run_along_its_direction(
     assert stands[against > 1.3 * limit].all()
 
 
+def test_what_is_told_of_a_motion_stands_on_the_page(
+    products: Callable[..., xr.Dataset], derived: Path, tmp_path: Path
+) -> None:
+    """A test that ends with 5 % of its PGA is taken as one with a lasting tilt."""
+    time = np.arange(0.0, 6.0, 0.01)
+    acceleration = np.where(time < 3.0, 1.0, 0.05)
+    rows = "\n".join(f"{t:.2f},{a:.3f}" for t, a in zip(time, acceleration, strict=True))
+    (tmp_path / "push.csv").write_text(f"time [s],x [m/s2]\n{rows}\n")
+    found = products(
+        "observations", TILT, "{kind: shake, motion: push.csv, direction: 90, outcome: stood}"
+    )
+    words = "a motion that ends with 0.0051 g, 5% of its PGA: as a lasting tilt"
+    assert found["repairs"].values[0] == ""
+    assert found["repairs"].values[1].startswith(words)
+    assert (derived / "rock" / "observations.html").read_text().count(words) == 1
+
+
 WRONG = {
     "no kind": ("{kind: kick, direction: 0}", "observations.kind", "tilt"),
     "no direction": ("{kind: tilt, angle: 3, outcome: tipped, sd: 1}", "direction", "required"),

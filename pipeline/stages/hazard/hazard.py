@@ -38,7 +38,7 @@ from pipeline.stages.hazard.rock_ages import of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import of_fits, of_members
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, DRAWN_AGAIN, AssumedShaking, of_hazard
 from pipeline.stages.hazard.survival_analysis import (
-    AS_SCANNED,
+    AS_GIVEN,
     AS_TESTED,
     BASE_CASE,
     DRAWN_ANEW,
@@ -90,11 +90,11 @@ def make(
         rocks.append(dated(fits.folder, other.name, now, given.age, *known))
     compared = {}
     if ensemble is not None:  # beside which settings are compared
-        compared[AS_SCANNED if drawn else AS_TESTED] = (
+        compared[AS_GIVEN if drawn else AS_TESTED] = (
             of_fits(fits) if drawn else of_members(ensemble.data)
         )
     for other in beside.compared:
-        what = f"{AS_SCANNED}, {other.name}" if drawn else other.name
+        what = f"{AS_GIVEN}, {other.name}" if drawn else other.name
         compared[what] = other.fragility(fits.folder)
     used = [*(stage for rock in rocks for stage in rock.stages), *compared.values()]
     ratios = [one.ratios for one in used]
@@ -193,6 +193,7 @@ def page(
         "drawn": analysis.drawn,
         "fitted": ", ".join(one.name for one in analysis.rocks if not one.drawn),
         "tested": rock.tested,
+        "hatched": [*figures.untried(hazard, rock.tested)],
         "frictions": listed([f"{one:g}" for one in rock.frictions]) if rock.frictions else "",
         "yaws": len(rock.by_yaw),
         "percent": lambda share: percent(share).replace(" ", "\N{NO-BREAK SPACE}"),

@@ -90,14 +90,23 @@ def _solid(legend: Legend) -> None:
         line.set_alpha(1.0)
 
 
+def untried(hazard: xr.Dataset, tested: tuple[float, float]) -> dict[str, tuple[float, float]]:
+    """PGA of the axis that were not simulated [g], by what a caption says of them."""
+    low, high = hazard["pga"].values[[0, -1]].tolist()
+    spans = {
+        f"below {tested[0]:.3g}": (low, tested[0]),
+        f"above {tested[1]:.3g}": (tested[1], high),
+    }
+    return {words: span for words, span in spans.items() if span[1] > span[0]}
+
+
 def _fragility(axes: Axes, hazard: xr.Dataset, tested: tuple[float, float]) -> None:
     pga = hazard["pga"].values
     low, high = (hazard[f"toppling_probability_{end}"].values for end in ("low", "high"))
     axes.fill_between(pga, low, high, color=_RETAINED, alpha=0.35, lw=0)
     axes.plot(pga, hazard["toppling_probability"].values, color=style.INK, lw=1.8)
-    for edge, end in ((pga[0], tested[0]), (tested[1], pga[-1])):
-        if end > edge:
-            axes.axvspan(edge, end, facecolor="none", edgecolor="#c9c9c9", hatch="///", lw=0)
+    for edge, end in untried(hazard, tested).values():
+        axes.axvspan(edge, end, facecolor="none", edgecolor="#c9c9c9", hatch="///", lw=0)
     if pga[-1] > tested[1]:
         middle = np.sqrt(tested[1] * pga[-1])
         axes.text(middle, 0.06, "not simulated", ha="center", fontsize=7.5, path_effects=style.HALO)

@@ -22,7 +22,7 @@ LARGEST_TO_AVERAGE = 1.2
 
 BASE_CASE = "base case"
 
-AS_SCANNED = "rock: as scanned, without uncertainty"
+AS_GIVEN = "rock: as given, without uncertainty"
 AS_TESTED = "rock: with its uncertainty, its base as tests have found rocks"
 """The cases in which the fits of one rock replace its ensemble, or it replaces them."""
 

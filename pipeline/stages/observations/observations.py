@@ -81,8 +81,7 @@ def make(
     settings = study.how(Group(study.yaw[0], study.settings.contact.friction[0]))
     draws: list[Draw] = []
     file = work.origin.file_of("observations")
-    if shaken:
-        shaken.read(work.log)
+    told = shaken.read(work.log) if shaken else {}
     number, most = (FIRST // 8, MOST // 8) if scan else (FIRST, MOST)
     with Steps("observations", work.log) as steps:
         while True:
@@ -100,6 +99,7 @@ def make(
         steps.tell("what a further test would teach")
         dataset = _dataset(draws, found, weight, config.members)
     dataset["observation"] = [one.words for one in observed]
+    dataset["repairs"] = "observation", [told.get(number, "") for number in range(len(observed))]
     dataset = described(dataset, work, "Observations of the rock")
     drawn = {
         "observations_band": page.band(dataset),

@@ -68,6 +68,7 @@ def taught(found: xr.Dataset, evidence: Sequence[Evidence]) -> list[dict[str, An
         rows.append(
             {
                 "words": str(found["observation"].values[at]),
+                "repairs": str(found["repairs"].values[at]),
                 "expected": expected,
                 "left": float(found["alone_effective"][at]) / len(tried),
                 "narrower": float(_narrower(alone.mean(), whole.mean())),

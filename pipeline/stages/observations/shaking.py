@@ -62,12 +62,21 @@ class ShakenBy(FilesInput):
     def digests(self) -> dict[str, str]:
         return _digests(self.tests)
 
-    def read(self, log: Callable[[str], None]) -> None:
-        """Refuse motions that cannot be read, and tell what was repaired or is in doubt."""
+    def read(self, log: Callable[[str], None]) -> dict[int, str]:
+        """Refuse motions that cannot be read, and tell what was repaired or is in doubt.
+
+        Returns
+        -------
+        dict, the same in one line, by the number of the observation
+        """
+        told = {}
         for number, path, _ in self.tests:
             record = self._record(number)
-            for line in (*record.repairs, *doubts({"x": record})):
+            lines = (*record.repairs, *doubts({"x": record}))
+            for line in lines:
                 log(f"observations: {shown(path)}: {line}")
+            told[number] = "; ".join(lines)
+        return told
 
     def motion(self, number: int) -> GroundMotion:
         """The motion of a test, its acceleration as it was recorded."""

@@ -298,14 +298,13 @@ def bands(found: xr.Dataset, responses: xr.Dataset) -> Figure:
             vmin=-1.5,
             vmax=1.5,
         )
-        low, middle, high = (
-            np.minimum(one[f"boundary_{name}"].values, 2.0 * pga[-1])
-            for name in ("low", "median", "high")
-        )
-        axes.fill_betweenx(
-            heights, low, high, color=style.MODEL, alpha=0.65, lw=0, label="5 to 95 % of the draws"
-        )
-        axes.plot(middle, heights, color=style.INK, lw=1.3, label="median of the draws")
+        # each row with a band of its own: one that is open at an end reaches over the axis there
+        low, high = (np.minimum(one[f"boundary_{name}"], 2.0 * pga[-1]) for name in ("low", "high"))
+        own_row: Any = {"step": "mid", "color": style.MODEL, "alpha": 0.65, "lw": 0}
+        axes.fill_betweenx(heights, low, high, **own_row, label="5 to 95 % of the draws")
+        middle = one["boundary_median"].values
+        known = np.where((middle > 0.0) & np.isfinite(middle), middle, np.nan)
+        axes.plot(known, heights, color=style.INK, lw=1.3, label="median of the draws")
         axes.set(xlim=style.cell_edges(pga)[[0, -1]], ylim=style.cell_edges(heights)[[0, -1]])
         axes.set_title(f"yaw {one['yaw'].item():g} deg", fontsize=8.5, pad=3)
     for colour, text in ((style.PROVED, "stands as given"), ("#e9aba6", "topples as given")):

@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pipeline.stages.hazard.exclusion_figures import exclusion
-from pipeline.stages.hazard.hazard_figures import survival
+from pipeline.stages.hazard.hazard_figures import curves, survival, untried
 from pipeline.workflow import pages
 
 AGE = np.linspace(0.0, 6700.0, 202)
@@ -82,3 +82,25 @@ def test_magnitudes_near_each_other_are_told_apart() -> None:
     }  # fmt: skip
     page = pages.filled("earthquakes.html", {"exclusion": exclusion})
     assert re.findall(r'<tr><td class="n">([^<]*)</td>', page) == ["5.45", "5.5", "7"]
+
+
+@pytest.mark.parametrize(
+    ("tested", "words"),
+    [((0.05, 4.0), []), ((0.2, 4.0), ["below 0.2"]), ((0.2, 0.8), ["below 0.2", "above 0.8"])],
+)
+def test_a_caption_names_what_is_hatched(tested: tuple[float, float], words: list[str]) -> None:
+    pga = np.geomspace(0.1, 2.0, 5)
+    rates = dict.fromkeys(("mean_rate_before", "mean_rate_after"), ("pga", 0.001 / pga))
+    ends = ("", "_low", "_high")
+    hazard = xr.Dataset(
+        {
+            "branch_rate": (("branch", "pga"), [1e-3 / pga]),
+            "rejected": ("branch", np.zeros(1, dtype=np.int8)),
+            **rates,
+            **{f"toppling_probability{end}": ("pga", pga / 2.0) for end in ends},
+        },
+        {"pga": pga, "return_period": [475.0]},
+    )
+    assert [*untried(hazard, tested)] == words
+    below = curves(hazard, tested).axes[1]
+    assert sum(bool(one.get_hatch()) for one in below.patches) == len(words)
