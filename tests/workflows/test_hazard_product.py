@@ -1168,6 +1168,7 @@ def test_a_stage_has_the_draws_of_the_rock(
     np.testing.assert_allclose(both["survival"], one["survival"], rtol=0.02)
 
 
+@pytest.mark.slow
 def test_another_rock_has_the_stages_of_its_own_file(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, tmp_path: Path
 ) -> None:
@@ -1205,6 +1206,7 @@ def test_another_rock_has_the_stages_of_its_own_file(
     assert "hazard.history" in ran.err
 
 
+@pytest.mark.slow
 def test_products_of_another_rock_as_it_was_are_not_taken(
     vsr: Callable[..., Ran],
     write_site: Callable[..., str],

@@ -71,6 +71,7 @@ def count(folder: Path) -> int:
         return int(database.execute("SELECT COUNT(*) FROM runs").fetchone()[0])
 
 
+@pytest.mark.slow
 def test_joined_shards_give_the_bytes_of_one(
     vsr: Vsr, site: str, shards: list[Path], tmp_path: Path
 ) -> None:

@@ -82,6 +82,7 @@ def test_products_are_those_of_all_runs(vsr: Vsr, site: str, tmp_path: Path) -> 
     assert (other.attrs["sampled_share"], other.attrs["sampled_seed"]) == (0.1, lines.SEED)
 
 
+@pytest.mark.slow
 def test_runs_of_the_grid_are_no_rows(vsr: Vsr, site: str, tmp_path: Path) -> None:
     """What stands one by one are the runs between its cells; status and plan count runs."""
     folder = made(vsr, site, tmp_path, "--workers", "0", *KEEP)

@@ -124,6 +124,7 @@ def test_a_strong_earthquake_leaves_the_strong_rocks(products: Callable[..., xr.
     assert weight @ weaker > weaker.mean()
 
 
+@pytest.mark.slow
 def test_a_shaken_rock_is_run_along_its_direction(
     products: Callable[..., xr.Dataset],
     vsr: Callable[..., Any],
@@ -188,6 +189,7 @@ def test_an_observation_that_is_none_is_refused(
     refused("run", "observations", "--site", write_site(SITE), *observed(given), words=tuple(words))
 
 
+@pytest.mark.slow
 def test_a_label_tells_two_tests_of_one_kind_apart(products: Callable[..., xr.Dataset]) -> None:
     again = TILT.replace("sd: 0.2", "sd: 0.2, label: second")
     one, two = products("observations", TILT), products("observations", TILT, again)

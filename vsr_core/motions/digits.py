@@ -10,6 +10,9 @@ import numpy as np
 from vsr_core.arrays import Array, Mask
 from vsr_core.errors import InvalidInput
 
+_MOST = 30
+"""Decimals that any number may have."""
+
 _NINES = re.compile(r"-?9{3,}\.?9*")
 """What loggers and tables write for a sample that is missing: -999, 9999.99."""
 
@@ -27,7 +30,7 @@ def last(values: Array) -> Array:
     parts = [f"{abs(value):.11e}".split("e") for value in values.tolist()]
     leading = np.array([int(power) for _, power in parts])
     written = np.array([len(number.rstrip("0").replace(".", "")) for number, _ in parts])
-    decimals = np.maximum(written - 1 - leading, 0) * (values != 0.0)
+    decimals = np.clip(written - 1 - leading, 0, _MOST) * (values != 0.0)
     digits = np.max(leading + 1 + decimals)
     fixed = np.where(values == 0.0, 0.0, 10.0 ** (leading + 1 - digits))
     unit = np.maximum(fixed, 10.0 ** -decimals.max())

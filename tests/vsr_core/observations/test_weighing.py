@@ -70,6 +70,7 @@ def observed(rocks: list[Rock], slopes: Array, truth: int) -> Array:
     )
 
 
+@pytest.mark.slow
 def test_the_band_holds_the_truth_of_made_rocks(made: tuple[list[Rock], Array]) -> None:
     """Of 100 rocks with hidden bases, 84 to 95 lie in the 90 % band, in the median direction."""
     rocks, slopes = made
@@ -81,6 +82,7 @@ def test_the_band_holds_the_truth_of_made_rocks(made: tuple[list[Rock], Array]) 
     assert 84 <= np.median(np.sum(inside, axis=0)) <= 95
 
 
+@pytest.mark.slow
 def test_one_tilt_test_in_the_weak_direction_halves_the_band_there(
     made: tuple[list[Rock], Array],
 ) -> None:
@@ -96,6 +98,7 @@ def test_one_tilt_test_in_the_weak_direction_halves_the_band_there(
     assert np.mean(np.array(after) <= 0.5 * before) > 0.95
 
 
+@pytest.mark.slow
 def test_what_a_test_is_expected_to_teach_is_what_it_teaches_on_average(
     made: tuple[list[Rock], Array],
 ) -> None:

@@ -197,6 +197,7 @@ def test_only_the_run_that_is_shown_is_done(site: Path, tmp_path: Path) -> None:
         assert database.execute("SELECT COUNT(*) FROM runs").fetchone() == (16,)  # of its yaw
 
 
+@pytest.mark.slow
 def test_every_cell_ends_again_as_it_is_stored(study: Study, responses: xr.Dataset) -> None:
     for cell in motion_grid.cells(study.motions)[::3]:
         row = repr(study.motions.pgv_pga[cell.row])
