@@ -124,7 +124,6 @@ def test_programs_are_told_the_same(
     assert [one["runs"]["stored"] for one in swept["answers"]] == [12, 0]
 
 
-@pytest.mark.slow
 def test_a_program_that_has_read_enough_ends_it_quietly(tmp_path: Path) -> None:
     for words in (["list", "--json"], ["plan", "--site", "cuboid_1x1x2", "--json"]):
         read_end, write_end = os.pipe()
