@@ -185,13 +185,18 @@ def collapsed(data: xr.Dataset) -> xr.Dataset | None:
     return xr.Dataset({BOUNDARY: data[BOUNDARY] / data["static_pga"], "time": time})
 
 
+SAME = 1e-3
+"""Difference in ln PGV/PGA below which two rows are one."""
+
+
 def spread(own: xr.Dataset, dimension: Dimension) -> tuple[float, float]:
     """How far apart the boundaries in the rock's own units are.
 
     Returns
     -------
     tuple of float
-        Median and largest difference from the reference, as shares, on the reference's rows.
+        Median and largest difference from the reference, as shares, where both have a row at the
+        same PGV/PGA in the rock's own time.
     """
     name, found = dimension.name, []
     curves = typical(own[[BOUNDARY]], (name, "pgv_pga"))[BOUNDARY]
@@ -201,13 +206,12 @@ def spread(own: xr.Dataset, dimension: Dimension) -> tuple[float, float]:
         x = np.log(ratio / own["time"].isel({name: n}).item())[known]
         found.append((x, np.log(curves.isel({name: n}).values[known])))
     x, y = found[dimension.reference]
-    apart = [
-        np.abs(np.interp(x, other, values, left=np.nan, right=np.nan) - y)
-        for n, (other, values) in enumerate(found)
-        if n != dimension.reference and other.size
-    ]
-    every = np.concatenate([*apart, [np.nan]])
-    every = np.expm1(every[np.isfinite(every)])
+    apart = [np.empty(0)]
+    for n, (other, values) in enumerate(found):
+        own_row, row = np.nonzero(np.abs(x[:, None] - other) < SAME)
+        if n != dimension.reference:
+            apart.append(np.abs(values[row] - y[own_row]))
+    every = np.expm1(np.concatenate(apart))
     return (float(np.median(every)), float(every.max())) if every.size else (np.nan, np.nan)
 
 

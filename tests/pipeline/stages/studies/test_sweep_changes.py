@@ -189,5 +189,8 @@ def test_similar_rocks_have_one_curve_in_their_own_units() -> None:
     )
     assert other is not None
     assert spread(other, SIZE) == pytest.approx((0.1, 0.1))
+    between = collapsed(alike.assign(rock_radius=("size", [GRAVITY, 3.0 * GRAVITY])))
+    assert between is not None
+    assert np.isnan(spread(between, SIZE)).all()  # no row of one is at the time of another's
     assert collapsed(alike.assign(rock_radius=("size", [1.0, 1.0]))) is None
     assert collapsed(alike.drop_vars("static_pga")) is None  # shaken along other axes than x
