@@ -211,6 +211,7 @@ class LognormalFragility(FragilityModel):
         fisher = np.einsum("ri,ij,ik->rjk", information, both, both)
         by_slope = np.where(flat, 0.0, [b0 / b1**2, -1.0 / b1])
         gradient = np.stack([np.stack([-1.0 / b1, np.zeros_like(b1)]), by_slope], axis=2)
+        fisher[flat] *= np.array([[1.0, 0.0], [0.0, 0.0]])
         variance = np.einsum("kri,rij,krj->rk", gradient, np.linalg.pinv(fisher), gradient)
         return centre - b0 / b1, -np.log(b1), np.sqrt(variance), flat
 

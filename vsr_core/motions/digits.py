@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -13,8 +14,15 @@ from vsr_core.errors import InvalidInput
 _MOST = 30
 """Decimals that any number may have."""
 
-_NINES = re.compile(r"-?9{3,}\.?9*")
-"""What loggers and tables write for a sample that is missing: -999, 9999.99."""
+_MARK = re.compile(r"-?((?=(\.?9){3})9+(\.9+)?|3276[78])")
+"""What loggers and tables write for a sample that is missing: -999, 9999.99, -32768."""
+
+ORDER, BLOCK = 20, 80
+"""Differences that leave little of what is sampled four times a period, and samples in which what
+they leave is told from a jump of the acceleration."""
+
+_NORMAL = 0.6745
+"""Median of a normal variable's size, in standard deviations."""
 
 
 def last(values: Array) -> Array:
@@ -51,14 +59,47 @@ def refuse_mark(values: Array, name: str, step: float) -> None:
     ------
     InvalidInput
     """
-    for extreme in (values.max(), values.min()):
-        number = f"{extreme:.6g}"
-        start, length = runs(values == extreme)[0]
-        steps = np.abs(np.diff(values[max(start - 1, 0) : start + length + 1]))
-        if _NINES.fullmatch(number) and steps[steps > 0.0].min(initial=math.inf) > abs(extreme) / 2:
+    for extreme, start, away in _extremes(values):
+        written = {f"{extreme:.{digits}g}" for digits in (6, 12)}
+        if away > 0.5 * abs(extreme) and (number := next(filter(_MARK.fullmatch, written), "")):
             given = f"{number} ({name}) at {start * step:.4g} s"
             rule = "no mark of a missing sample stands among the numbers"
             raise InvalidInput(given, rule, "leave out what is missing, or fill it")
+
+
+def refuse_lone(values: Array, name: str, step: float) -> None:
+    """Refuse an extreme that is farther from what is beside it than half of all that is there.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    for extreme, start, away in _extremes(values):
+        if away > 0.5 * np.ptp(values):
+            given = f"{extreme:.6g} ({name}) at {start * step:.4g} s, far from what is beside it"
+            raise InvalidInput(given, "a motion goes there and back", "leave it out, or fill it")
+
+
+def _extremes(values: Array) -> Iterator[tuple[float, int, float]]:
+    """The highest and the lowest value, where it first is, and how far what is beside it is."""
+    for extreme in (float(values.max()), float(values.min())):
+        start, length = runs(values == extreme)[0]
+        steps = np.abs(np.diff(values[max(start - 1, 0) : start + length + 1]))
+        yield extreme, start, float(steps[steps > 0.0].min(initial=math.inf))
+
+
+def noise(values: Array) -> float:
+    """Standard deviation of what is white in a series, of its noisiest part; 0 for a short one.
+
+    From high differences: those of noise grow, those of what is sampled often vanish (von Neumann
+    et al. 1941, Ann. Math. Statist. 12, 153-162, of the first). The median leaves out jumps.
+    """
+    if len(values) < BLOCK + ORDER:
+        return 0.0
+    left = np.abs(np.diff(values, ORDER)) / math.sqrt(math.comb(2 * ORDER, ORDER))
+    return (
+        max(float(np.median(part)) for part in np.array_split(left, len(left) // BLOCK)) / _NORMAL
+    )
 
 
 def runs(flags: Mask) -> list[tuple[int, int]]:

@@ -30,7 +30,21 @@ SUFFIXES = (".ply", ".stl", ".obj", ".dae", ".glb")
 _NOT_READ = (
     *(".gltf", ".off", ".3mf", ".fbx", ".3ds", ".blend", ".ctm", ".wrl", ".x3d", ".vtk", ".vtp"),
     *(".usd", ".usda", ".usdc", ".usdz", ".step", ".stp", ".iges", ".igs", ".dxf"),
-    *(".las", ".laz", ".e57", ".pcd", ".pts", ".ptx", ".xyz", ".asc", ".zip", ".7z", ".rar"),
+    *(
+        ".las",
+        ".laz",
+        ".e57",
+        ".pcd",
+        ".pts",
+        ".ptx",
+        ".xyz",
+        ".asc",
+        ".zip",
+        ".gz",
+        ".tgz",
+        ".7z",
+        ".rar",
+    ),
 )
 """Endings of scans in other formats, or packed: none stands in for them."""
 
@@ -143,11 +157,12 @@ def find_ground(pedestal: PedestalConfig, origin: Origin) -> GroundFile | None:
 def _file(section: str, name: str, fallback: str | None, origin: Origin) -> Path | None:
     """The mesh that a section names by its path or its folder; None where there is none.
 
-    A fallback is that of the mesh beside which it stands: no other is replaced.
+    A fallback is that of the mesh beside which it stands: one that is set over it is not replaced.
     """
     key = f"{section}.mesh"
     file = origin.file_of(key)
-    if file != origin.file_of(f"{section}.fallback"):
+    beside = origin.file_of(f"{section}.fallback") in (file, "--set")
+    if not beside and file != origin.file:
         fallback = None
     path = located(origin.folder_of(key), name, file, key)
     is_folder = path.is_dir() or not (path.exists() or path.suffix)

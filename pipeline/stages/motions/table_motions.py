@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -123,9 +124,13 @@ ANGLES = {"rad": 1.0, "degree": 0.017453292519943295, "mrad": 0.001}
 ALIASES = {"deg": "degree", "degrees": "degree", "radian": "rad", "meter": "m", "metre": "m"}
 SECONDS = {"s": 1.0, "ms": 0.001}
 
-NOISE, MOST_NOISE = 4.0, 0.05
+NOISE = 4.0
 """Largest acceleration that rounding to a digit makes, in such digits over the square of the step:
-by splines, of 400 samples to 40,000, 3.5 to 4.3 times; and the share of the PGA that it may be."""
+by splines, of 400 samples to 40,000, 3.5 to 4.3 times."""
+
+MOST_ROUNDED, MOST_ROUGH = 0.05, 0.8
+"""Share of the PGA that rounding, and noise like that of rounding, may make: what is sampled less
+than four times a period counts as noise, too."""
 
 Columns = dict[str, Column]
 
@@ -144,7 +149,7 @@ def load(path: Path) -> SampledMotion:
         for axis in AXES
     ]
     motion = sampled(time, np.column_stack(axes))
-    _check_digits(motion, columns)
+    _check_noise(motion, columns)
     return motion
 
 
@@ -175,26 +180,31 @@ def _check_names(file: str, columns: Columns, known: tuple[str, ...]) -> None:
         raise InvalidInput(f"{file} without {what}", rule, "add it")
 
 
-def _check_digits(motion: SampledMotion, columns: Columns) -> None:
-    """No mark of a missing sample, and no acceleration that last digits make by themselves.
+def _check_noise(motion: SampledMotion, columns: Columns) -> None:
+    """No mark of a missing sample, and no acceleration that rounding or noise make by themselves.
 
     Angles count by the way of a point one metre away.
     """
     step = motion.duration / (len(motion.time) - 1)
-    most = np.abs(motion.derivative(motion.fine_times, 2)).max(axis=0)
-    peak = noise = 0.0
-    for axis, acceleration in zip(AXES, most.tolist(), strict=True):
-        if axis in columns and np.ptp(columns[axis].values):
-            values = columns[axis].values
+    turning = np.linalg.norm(motion.derivative(motion.fine_times, 2)[:, 3:], axis=1).max()
+    rounded, rough = np.zeros(2), np.zeros(2)
+    for axis in (one for one in AXES if one in columns):
+        values, unit, turns = columns[axis].values, _unit(columns[axis]), int(axis not in "xyz")
+        if np.ptp(values):
             digits.refuse_mark(values, axis, step)
-            last = _unit(columns[axis]) * float(
-                np.quantile(digits.last(values)[values != 0.0], 0.9)
-            )
-            peak, noise = peak + acceleration, noise + NOISE * last / step**2
-    if noise > MOST_NOISE * peak:
-        given = f"positions whose last digits alone make up to {noise / peak:.0%} of the PGA"
-        rule = f"it is {MOST_NOISE:.0%} at most"
-        raise InvalidInput(given, rule, "write them with more digits, or filter and thin them out")
+            digits.refuse_lone(motion.samples[:, AXES.index(axis)] / unit, axis, step)
+            rounded[turns] += unit * np.quantile(digits.last(values)[values != 0.0], 0.9)
+            rough[turns] += math.sqrt(12.0) * digits.noise(motion.samples[:, AXES.index(axis)])
+    peak = np.maximum(motion.peak_acceleration, [1e-300, turning])
+    for size, most, what in (
+        (rounded, MOST_ROUNDED, "whose last digits alone make"),
+        (rough, MOST_ROUGH, "that jump to and fro, which makes"),
+    ):
+        share = float((NOISE * size / step**2 / peak).max())
+        if share > most:
+            given = f"positions {what} up to {share:.0%} of the PGA"
+            remedy = "write them with more digits, or filter and thin them out"
+            raise InvalidInput(given, f"it is {most:.0%} at most", remedy)
 
 
 def _unit(axis: Column) -> float:

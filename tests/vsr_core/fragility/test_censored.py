@@ -401,3 +401,20 @@ def test_a_surface_knows_of_rows_that_stand_far_above_where_others_topple() -> N
     grid = np.array([[0, 0, 0], [1, 1, 1]])
     for model in fit_all([0.3, 0.6, 1.5], [0.005, 4.0], grid, known, n_bootstrap=5).models:
         assert (np.abs(model.probability - grid) < 0.1).all(), model.name
+
+
+@pytest.mark.parametrize("other", [0.02, 2.0, 4.0])
+def test_a_row_whose_slope_is_held_has_the_interval_that_it_has_alone(other: float) -> None:
+    """Toppling falls with its PGA: only b0 is estimated, to 1 / root of the sum of information."""
+    ratio, sides = np.array([0.1, 0.2]), np.array([1, 1, 0, 1, 0, 1, 0])
+    pga = np.array([0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6])
+    alone = Known.of(np.zeros(7, int), pga, sides)
+    beside = alone.joined(np.ones(3, int), other * np.array([1.0, 1.01, 2.0]), [0, 1, 1])
+    spread = [
+        LognormalFragility(shares(known, ratio[:rows]), thresholds(known, rows))._errors[0]
+        for known, rows in ((alone, 1), (beside, 2))
+    ]
+    np.testing.assert_allclose(spread[1], spread[0], rtol=1e-6)
+    assert spread[0][1] == 0.0
+    # 0.69 / 0.08 cells known at most, each with no more information than 2 / pi
+    assert 2.0 / np.sqrt(np.log(2.0) / STEP * 2.0 / np.pi) <= spread[0][0] < 1.5

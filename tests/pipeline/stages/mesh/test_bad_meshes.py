@@ -239,6 +239,7 @@ def test_a_surrogate_stands_for_the_scan_beside_which_it_is_named(
     mistyped = ("run", "rock", "--site", where, "--set", "rock.mesh=mine.ply")
     refused(*mistyped, words=("rock.mesh", "file not found", "mine.ply"))
     assert vsr(*mistyped, "--set", "rock.fallback=double_rock").code == 0
+    assert vsr(*mistyped[:4], "--set", "rock.fallback=double_rock").code == 0
 
 
 @pytest.mark.slow
