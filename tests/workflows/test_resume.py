@@ -88,7 +88,6 @@ def stamps(folder: Path) -> dict[Path, tuple[int, str]]:
     return {path: (path.stat().st_mtime_ns, digest_file(path)) for path in found}
 
 
-@pytest.mark.slow
 def test_second_call_makes_nothing(
     responses: Callable[..., Path],
     vsr: Callable[..., object],

@@ -129,8 +129,10 @@ NOISE = 4.0
 by splines, of 400 samples to 40,000, 3.5 to 4.3 times."""
 
 MOST_ROUNDED, MOST_ROUGH = 0.05, 0.8
-"""Share of the PGA that rounding, and noise like that of rounding, may make: what is sampled less
-than four times a period counts as noise, too."""
+"""Share of the PGA that rounding, and noise like that of rounding, may make. What is sampled less
+than four times a period counts as noise, too: of 490 accelerations recorded on a table, integrated
+and given at 50 to 200 Hz, the share is .15 in the median and .69 in 95 %; of the positions measured
+there it is 2.7 in the median."""
 
 Columns = dict[str, Column]
 

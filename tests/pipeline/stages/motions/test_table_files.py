@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -114,11 +115,46 @@ def test_positions_of_single_precision_shake_a_table_that_is_told_of_often(tmp_p
                 load(tmp_path / f"{kind}.nc")
 
 
-def test_a_mark_of_a_missing_sample_is_no_position(tmp_path: Path) -> None:
-    way = 1e3 * PULSE
-    way[290] = -999.0
+@pytest.mark.parametrize(
+    "kept",
+    [
+        lambda way: np.round(way, 3) - way.mean(),
+        lambda way: 0.0254 * np.round(way / 0.0254, 2),
+        lambda way: np.round(way, 3).astype("f4"),
+    ],
+)
+def test_noise_that_no_digit_shows_is_refused(
+    kept: Callable[[np.ndarray], np.ndarray], tmp_path: Path
+) -> None:
+    path = write(tmp_path / "table.csv", "time [s],x [m]", FREQUENT, kept(PULSE))
+    with pytest.raises(InvalidInput, match="jump to and fro"):
+        load(path)
+
+
+def test_what_is_sampled_six_times_a_period_is_no_noise(tmp_path: Path) -> None:
+    way = 0.01 * np.sin(np.pi * FREQUENT / FREQUENT[-1]) ** 4 * np.sin(FREQUENT / 0.01 * np.pi / 3)
+    load(write(tmp_path / "table.csv", "time [s],x [m]", FREQUENT, way))
+
+
+@pytest.mark.parametrize("mark", [-999.0, -9999.999, -32768.0, 99.99])
+@pytest.mark.parametrize("places", [[290], [40, 280], [289, 290]])
+def test_a_mark_of_a_missing_sample_is_no_position(
+    mark: float, places: list[int], tmp_path: Path
+) -> None:
+    way = 0.5e3 * PULSE
+    way[places] = mark
     path = write(tmp_path / "table.csv", "time [s],x [mm]", FREQUENT, way)
-    with pytest.raises(InvalidInput, match=r"-999 \(x\) at 2\.9 s"):
+    with pytest.raises(
+        InvalidInput, match=rf"{re.escape(f'{mark:.10g}')} \(x\) at {places[0] / 100:g} s"
+    ):
+        load(path)
+
+
+def test_a_lone_position_is_none(tmp_path: Path) -> None:
+    way = 1e3 * PULSE
+    way[290] = 500.0
+    path = write(tmp_path / "table.csv", "time [s],x [mm]", FREQUENT, way)
+    with pytest.raises(InvalidInput, match=r"500 \(x\) at 2\.9 s, far from"):
         load(path)
 
 
