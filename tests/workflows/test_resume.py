@@ -115,7 +115,7 @@ def test_second_call_makes_nothing(
         "report",
     )
     assert said[:9] == [f"{stage}: up to date" for stage in stages]
-    assert said[8].startswith("runs: 6 of 6 are stored")
+    assert said[9].startswith("runs: 6 of 6 are stored")
     assert "stages to make: none" in vsr("plan", "--site", write_site(GRID)).out
     status = vsr("status", "--site", write_site(GRID)).out
     assert "to do" not in status
