@@ -67,10 +67,9 @@ def shares(known: Known, pgv_pga: npt.ArrayLike) -> Cells:
     first = upper[np.isfinite(upper)]
     lowest, highest = _reach(np.log(first if first.size else known.pga))
     low, high = float(lowest.min()), float(highest.max())
-    decided = known.decided
-    for row in np.unique(decided.level):
-        at = np.log(decided.pga[decided.level == row])
-        low, high = min(low, float(at.max()) - STEP), max(high, float(at.min()) + STEP)
+    for row in range(ratios.size):
+        if len(at := _told(known, row)):
+            low, high = min(low, float(at.max()) - STEP), max(high, float(at.min()) + STEP)
     centres = STEP * np.arange(np.floor(low / STEP), np.ceil(high / STEP) + 1)
     borders = np.append(centres, centres[-1] + STEP) - 0.5 * STEP
     rows = [_row(known, row, borders) for row in range(ratios.size)]
@@ -90,6 +89,15 @@ def in_reach(cells: Cells, thresholds: Thresholds) -> Cells:
 def _reach(ln_first: Array) -> tuple[Array, Array]:
     """Lowest and highest PGA [ln g] in reach of a first overturning."""
     return ln_first - np.log(REACH), ln_first + np.log(REACH)
+
+
+def _told(known: Known, row: int) -> Array:
+    """Places [ln g] of a row's runs with a verdict, of those beside each other if there are any."""
+    start, end = np.searchsorted(known.level, [row, row + 1])
+    at, decided = np.log(known.pga[start:end]), known.side[start:end] >= 0
+    beside = decided[1:] & decided[:-1]
+    paired = np.append(beside, False) | np.append(False, beside)
+    return at[paired if paired.any() else decided]
 
 
 def _row(known: Known, row: int, borders: Array) -> tuple[Array, Array]:

@@ -283,7 +283,7 @@ def bands(found: xr.Dataset, responses: xr.Dataset) -> Figure:
     rows = math.ceil(count / columns)
     figure = Figure(figsize=(2.3 * columns + 0.5, 2.2 * rows + 0.8), layout="constrained")
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    pga, heights = found["pga"].values, _heights(found)
+    pga, edges = found["pga"].values, style.cell_edges(_heights(found))
     colours = ListedColormap([style.UNDECIDED, style.PROVED, "#e9aba6"])
     for number, axes in enumerate(panels.flat):
         if number >= count:
@@ -292,20 +292,22 @@ def bands(found: xr.Dataset, responses: xr.Dataset) -> Figure:
         own, one = responses.isel(yaw=number), found.isel(yaw=number)
         axes.pcolormesh(
             style.cell_edges(pga),
-            style.cell_edges(heights),
+            edges,
             own["overturned"].values,
             cmap=colours,
             vmin=-1.5,
             vmax=1.5,
         )
-        # each row with a band of its own: one that is open at an end reaches over the axis there
-        low, high = (np.minimum(one[f"boundary_{name}"], 2.0 * pga[-1]) for name in ("low", "high"))
-        own_row: Any = {"step": "mid", "color": style.MODEL, "alpha": 0.65, "lw": 0}
-        axes.fill_betweenx(heights, low, high, **own_row, label="5 to 95 % of the draws")
-        middle = one["boundary_median"].values
+        # each row for itself: a band that is open at an end reaches over the axis there
+        low, middle, high = (one[f"boundary_{name}"].values for name in ("low", "median", "high"))
+        sides = (np.minimum(np.append(side, side[-1]), 2.0 * pga[-1]) for side in (low, high))
+        own_row: Any = {"step": "post", "color": style.MODEL, "alpha": 0.65, "lw": 0}
+        axes.fill_betweenx(edges, *sides, **own_row, label="5 to 95 % of the draws")
         known = np.where((middle > 0.0) & np.isfinite(middle), middle, np.nan)
-        axes.plot(known, heights, color=style.INK, lw=1.3, label="median of the draws")
-        axes.set(xlim=style.cell_edges(pga)[[0, -1]], ylim=style.cell_edges(heights)[[0, -1]])
+        axes.vlines(
+            known, edges[:-1], edges[1:], color=style.INK, lw=1.3, label="median of the draws"
+        )
+        axes.set(xlim=style.cell_edges(pga)[[0, -1]], ylim=edges[[0, -1]])
         axes.set_title(f"yaw {one['yaw'].item():g} deg", fontsize=8.5, pad=3)
     for colour, text in ((style.PROVED, "stands as given"), ("#e9aba6", "topples as given")):
         panels[0, 0].plot([], [], "s", ms=7, color=colour, label=text)

@@ -403,6 +403,18 @@ def test_a_surface_knows_of_rows_that_stand_far_above_where_others_topple() -> N
         assert (np.abs(model.probability - grid) < 0.1).all(), model.name
 
 
+def test_a_row_is_known_where_it_was_tried_though_unresolved_runs_lie_around_its_change() -> None:
+    pga, sides = np.array([0.1, 0.2, 0.3, 0.5, 0.7, 0.9]), np.array([0, 0, -1, -1, -1, 1])
+    known = Known.of(np.zeros(6, int), pga, sides)
+    assert shares(known, [0.1]).usable.all()
+    (fit,) = (
+        one
+        for one in fit_all(pga, [0.1], sides[None], known, n_bootstrap=20).models
+        if one.name == "lognormal"
+    )
+    assert 0.2 <= fit.median_lower[0] <= fit.median[0] <= fit.median_upper[0] <= 0.9
+
+
 @pytest.mark.parametrize("other", [0.02, 2.0, 4.0])
 def test_a_row_whose_slope_is_held_has_the_interval_that_it_has_alone(other: float) -> None:
     """Toppling falls with its PGA: only b0 is estimated, to 1 / root of the sum of information."""

@@ -8,6 +8,7 @@ import xarray as xr
 from pipeline.stages.uncertainty.uncertainty_page import bands
 
 PGA = [0.2, 0.4, 0.6, 0.8]
+NAMES = ("low", "median", "high")
 RATIO = [0.1, 0.2, 0.3, 0.4]
 
 
@@ -22,8 +23,22 @@ def test_a_median_beyond_all_that_was_run_is_no_value_of_the_line() -> None:
     )
     outcomes = xr.Dataset({"overturned": ((*dims, "pga"), np.ones((1, 4, 4)))})
     axes = bands(found, outcomes).axes[0]
-    (line,) = (one for one in axes.lines if one.get_label() == "median of the draws")
-    np.testing.assert_array_equal(line.get_xdata(), [np.nan, 0.6, 0.3, np.nan])
-    (band,) = (one for one in axes.collections if one.get_label() == "5 to 95 % of the draws")
-    edges = np.diff(band.get_paths()[0].vertices, axis=0)
-    assert (edges == 0.0).any(axis=1).all()  # along one of the axes
+    drawn = {one.get_label(): one.get_paths() for one in axes.collections}
+    at = [path.vertices[:, 0].max() for path in drawn["median of the draws"] if len(path.vertices)]
+    np.testing.assert_array_equal([pga for pga in at if np.isfinite(pga)], [0.6, 0.3])
+    vertices = drawn["5 to 95 % of the draws"][0].vertices
+    assert (np.diff(vertices, axis=0) == 0.0).any(axis=1).all()  # along one of the axes
+    np.testing.assert_allclose([vertices[:, 1].min(), vertices[:, 1].max()], axes.get_ylim())
+
+
+def test_one_level_has_its_band_and_its_median() -> None:
+    dims = ("yaw", "pgv_pga")
+    ends = {
+        f"boundary_{name}": (dims, [[at]]) for name, at in zip(NAMES, (0.3, 0.4, 0.5), strict=True)
+    }
+    found = xr.Dataset(ends, {"yaw": [90.0], "pgv_pga": [0.2], "pga": PGA})
+    outcomes = xr.Dataset({"overturned": ((*dims, "pga"), np.ones((1, 1, 4)))})
+    axes = bands(found, outcomes).axes[0]
+    for one in axes.collections[1:]:
+        (path,) = one.get_paths()
+        np.testing.assert_allclose(np.ptp(path.vertices[:, 1]), np.ptp(axes.get_ylim()))
