@@ -181,8 +181,9 @@ class LognormalFragility(FragilityModel):
             return "undecided", np.nan, np.nan
         if np.isinf(high):
             return "above", low, low + further
-        stands = np.any(self._own.trials[row] - self._own.toppled[row] > 1e-9)
-        if not thresholds.single[row] and stands:  # in the cells; it may beyond
+        toppled, trials = self._own.toppled[row], self._own.trials[row]
+        both = np.any(toppled > 1e-9) and np.any(trials - toppled > 1e-9)
+        if not thresholds.single[row] and both:  # in the cells; one may be beyond
             last = thresholds.last[row]
             return ("interval", low, last) if last - low <= STEP else ("probit", np.nan, np.nan)
         return ("below", high - further, high) if np.isnan(low) else ("interval", low, high)

@@ -415,6 +415,18 @@ def test_a_row_is_known_where_it_was_tried_though_unresolved_runs_lie_around_its
     assert 0.2 <= fit.median_lower[0] <= fit.median[0] <= fit.median_upper[0] <= 0.9
 
 
+def test_a_row_that_is_known_to_stand_only_between_unresolved_runs_has_its_first_overturning() -> (
+    None
+):
+    pga, sides = np.array([0.5, 1.0, 1.2, 1.4, 1.6, 2.0, 2.5]), np.array([-1, 1, -1, 0, 0, -1, 1])
+    known = Known.of(np.zeros(7, int), pga, sides)
+    found = fit_all(pga, [0.1], sides[None], known, n_bootstrap=5)
+    assert found.boundary.upper[0] == 1.0
+    model = LognormalFragility(shares(known, [0.1]), thresholds(known, 1))
+    assert model.status == ("below",)
+    assert model.coefs[0, 0, 0] < 0.0
+
+
 @pytest.mark.parametrize("other", [0.02, 2.0, 4.0])
 def test_a_row_whose_slope_is_held_has_the_interval_that_it_has_alone(other: float) -> None:
     """Toppling falls with its PGA: only b0 is estimated, to 1 / root of the sum of information."""
