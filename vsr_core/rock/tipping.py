@@ -25,6 +25,7 @@ TOPPLED_TILT = 1.0
 scripts of Chen et al.)."""
 
 _OVERHANG = 1e-6  # of a face's distance from the centre of mass, that counts as none
+_MORE = 1e-9  # push [g] beyond rounding, without which a rock would go to and fro over an edge
 
 
 @dataclass(frozen=True)
@@ -180,27 +181,30 @@ def _outlines(hull: Hull) -> dict[int, _Outline]:
 def _tip(
     hull: Hull, outlines: dict[int, _Outline], facet: int, toward: Array
 ) -> tuple[float, float]:
-    """Uplift and overturning acceleration [g] toward one horizontal direction."""
+    """Uplift and overturning acceleration [g] toward one horizontal direction.
+
+    At one push the rock only loses energy and comes back to no face. At a larger one it may: a bump
+    can turn it aside, onto a face from which the push brings it back.
+    """
     needed, uplift = 0.0, np.inf
     start = down = hull.normals[facet]
-    seen = set()
+    seen: set[int] = set()  # at this push
     while True:
-        seen.add(int(hull.face[facet]))  # a rock that tips one way rests on no face twice
+        seen.add(int(hull.face[facet]))
         outline = outlines[int(hull.face[facet])]
         height, slope = hull.offsets[facet], matrix_product(outline.outward, toward[:, None])[:, 0]
         closed = np.array([int(hull.face[f]) in seen for f in outline.neighbour])
-        if closed.all():
-            return uplift, needed
         room = np.where(closed, np.inf, outline.room - needed * height * slope)
         edge = int(np.argmin(room))
         if room[edge] >= 0.0:
-            ahead = (slope > 0.0) & ~closed
-            if not ahead.any():
-                return uplift, needed
             reach = np.full(len(slope), np.inf)
+            ahead = slope > 0.0
             reach[ahead] = outline.room[ahead] / (height * slope[ahead])
+            reach[closed] = np.maximum(reach[closed], needed + _MORE)
             edge = int(np.argmin(reach))
-            needed = max(needed, float(reach[edge]))
+            if reach[edge] > needed:
+                needed = float(reach[edge])
+                seen.clear()
         uplift = min(uplift, needed)
         facet = int(outline.neighbour[edge])
         turn = _rotation(down, hull.normals[facet])

@@ -174,6 +174,57 @@ def test_rock_on_three_points_with_others_just_above(d: float) -> None:
     np.testing.assert_allclose(tilts[tilts < 1.0], [0.0, *leaning], atol=1e-9)
 
 
+def bumpy_rock(seed: int) -> Hull:
+    """A post of .6 x .6 x 1.8 m at rest on the bumps of its base, which are of 4 mm."""
+    rng = np.random.default_rng(seed)
+    base = [rng.uniform(-0.3, 0.3, (14, 2)), -0.9 + 0.004 * rng.standard_normal((14, 1))]
+    hull = convex_hull(np.vstack([np.hstack(base), SIGNS[SIGNS[:, 2] > 0.0] * (0.3, 0.3, 0.9)]))
+    return hull.turned(settle(hull)[0])
+
+
+def pushed_ever_harder(hulls: list[Hull], direction: Array, pace: float, rate: float) -> Array:
+    """Push [g] under which each hull comes to lean by 1 rad, from its corners alone.
+
+    ``down`` u goes down the slope of the energy while the push a grows slowly. Rolled without
+    twist by du, a rock that touches at p rises by du . (p - a h t), with t the direction of the
+    push, which is carried along, and h = u . p. Late by what the push grows while it topples.
+    """
+    most = max(len(hull.vertices) for hull in hulls)
+    rocks = np.array([np.resize(hull.vertices, (most, 3)) for hull in hulls])
+    down = np.tile([0.0, 0.0, -1.0], (len(hulls), 1))
+    toward = np.column_stack([np.cos(direction), np.sin(direction), 0.0 * direction])
+    push, toppled = 0.0, np.full(len(hulls), np.nan)
+    while np.isnan(toppled).any():
+        point = rocks[np.arange(len(hulls)), np.argmax((rocks @ down[:, :, None])[..., 0], axis=1)]
+        height = (point * down).sum(axis=1, keepdims=True)
+        down = down - pace * (point - height * (down + push * toward))
+        down /= np.sqrt((down * down).sum(axis=1, keepdims=True))
+        toward -= down * (toward * down).sum(axis=1, keepdims=True)
+        toward /= np.sqrt((toward * toward).sum(axis=1, keepdims=True))
+        toppled[np.isnan(toppled) & (down[:, 2] > -math.cos(1.0))] = push
+        push += rate
+    return toppled
+
+
+def test_bumps_turn_a_rock_aside_and_it_still_has_to_tip() -> None:
+    """It rolls over a bump to the side, and the push brings it back to a face it stood on."""
+    rocks = [bumpy_rock(seed) for seed in (14, 24, 24, 190, 191)]
+    toward = np.radians([114.0, 324.0, 327.0, 282.0, 42.0])
+    walked = [tipping(rock, toward[[k]]).angle[0] for k, rock in enumerate(rocks)]
+    pushed = np.arctan(pushed_ever_harder(rocks, toward, 5e-3, 5e-6))
+    np.testing.assert_allclose(walked, pushed, atol=0.01)
+
+
+@pytest.mark.slow
+def test_rocks_on_bumps_tip_where_a_growing_push_topples_them() -> None:
+    """In the directions said to be weakest and strongest, of 60."""
+    rocks = [bumpy_rock(seed) for seed in range(50) if seed != 33]  # which falls over on its bumps
+    walked = np.array([tipping(rock, ALL_ROUND[::6]).angle for rock in rocks])
+    for at in (walked.argmin(axis=1), walked.argmax(axis=1)):
+        pushed = np.arctan(pushed_ever_harder(rocks, ALL_ROUND[::6][at], 1e-3, 5e-7))
+        np.testing.assert_allclose(walked[np.arange(len(rocks)), at], pushed, atol=0.01)
+
+
 @given(HALF, HALF, HALF, st.floats(0.1, 14.9), st.floats(0.0, 360.0))
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_slightly_tilted_box_settles_on_its_base(
