@@ -42,8 +42,8 @@ def last(values: Array) -> Array:
     digits = np.max(leading + 1 + decimals)
     fixed = np.where(values == 0.0, 0.0, 10.0 ** (leading + 1 - digits))
     unit = np.maximum(fixed, 10.0 ** -decimals.max())
-    in_single = bool((values == values.astype(np.float32)).all())
-    return np.maximum(unit, np.abs(values) * (2.0**-24 if in_single else 0.0))
+    single = np.abs(values).astype(np.float32)
+    return np.maximum(unit, np.spacing(single)) if (single == np.abs(values)).all() else unit
 
 
 def refuse_mark(values: Array, name: str, step: float) -> None:
@@ -60,7 +60,7 @@ def refuse_mark(values: Array, name: str, step: float) -> None:
     InvalidInput
     """
     for extreme, start, away in _extremes(values):
-        written = {f"{extreme:.{digits}g}" for digits in (6, 12)}
+        written = (f"{extreme:.12g}", f"{extreme:.6g}")  # the latter of single precision
         if away > 0.5 * abs(extreme) and (number := next(filter(_MARK.fullmatch, written), "")):
             given = f"{number} ({name}) at {start * step:.4g} s"
             rule = "no mark of a missing sample stands among the numbers"
@@ -76,7 +76,7 @@ def refuse_lone(values: Array, name: str, step: float) -> None:
     """
     for extreme, start, away in _extremes(values):
         if away > 0.5 * np.ptp(values):
-            given = f"{extreme:.6g} ({name}) at {start * step:.4g} s, far from what is beside it"
+            given = f"{extreme:.10g} ({name}) at {start * step:.4g} s, far from what is beside it"
             raise InvalidInput(given, "a motion goes there and back", "leave it out, or fill it")
 
 

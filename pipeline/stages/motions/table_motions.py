@@ -183,7 +183,7 @@ def _check_names(file: str, columns: Columns, known: tuple[str, ...]) -> None:
 
 
 def _check_noise(motion: SampledMotion, columns: Columns) -> None:
-    """No mark of a missing sample, and no acceleration that rounding or noise make by themselves.
+    """No sample far from all others, and no acceleration that rounding or noise make by themselves.
 
     Angles count by the way of a point one metre away.
     """
@@ -193,9 +193,9 @@ def _check_noise(motion: SampledMotion, columns: Columns) -> None:
     for axis in (one for one in AXES if one in columns):
         values, unit, turns = columns[axis].values, _unit(columns[axis]), int(axis not in "xyz")
         if np.ptp(values):
-            digits.refuse_mark(values, axis, step)
             digits.refuse_lone(motion.samples[:, AXES.index(axis)] / unit, axis, step)
-            rounded[turns] += unit * np.quantile(digits.last(values)[values != 0.0], 0.9)
+            far = np.abs(values) > 0.1 * np.abs(values).max()  # in a long rest all digits are fine
+            rounded[turns] += unit * np.quantile(digits.last(values)[far], 0.9)
             rough[turns] += math.sqrt(12.0) * digits.noise(motion.samples[:, AXES.index(axis)])
     peak = np.maximum(motion.peak_acceleration, [1e-300, turning])
     for size, most, what in (

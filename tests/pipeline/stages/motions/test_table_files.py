@@ -101,6 +101,14 @@ def test_positions_whose_last_digit_shakes_the_table_are_refused(
         load(path)
 
 
+def test_a_long_rest_does_not_hide_that_positions_are_rounded(tmp_path: Path) -> None:
+    often = np.arange(0.0, 30.0, 0.01)
+    way = np.interp(often, FREQUENT, PULSE) + 1e-6 * np.exp(-often) * (1.0 - np.exp(-often)) ** 4
+    path = write(tmp_path / "t.csv", "time [s],x [m]", often, [float(f"{one:.2e}") for one in way])
+    with pytest.raises(InvalidInput, match="last digits"):
+        load(path)
+
+
 def test_positions_of_single_precision_shake_a_table_that_is_told_of_often(tmp_path: Path) -> None:
     often = np.arange(0.0, 3.0, 0.0001)
     way = 0.1 * np.sin(np.pi * np.clip(often - 0.5, 0.0, 1.5) / 1.5) ** 4
