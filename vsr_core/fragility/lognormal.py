@@ -28,12 +28,12 @@ class LognormalFragility(FragilityModel):
     the last balanced to the first overturned PGA, so theta is their geometric mean and beta the
     standard deviation of that uniform, width / sqrt(12). A row that never topples (or always
     does) gets the interval of one further step beyond its last (first) PGA. With thresholds, rows
-    that change more than once are those that overlap, unless their changes within the cells are no
-    farther apart than a cell is wide, which no slope can be told from: ln theta is then uniform
-    from the first to the last of these. A row that is undecided or left out gets ln theta and ln
-    beta linear in ln PGV/PGA between its neighbours, constant beyond the outermost; what is
-    undecided goes by rows with both outcomes, where there are any. Coefficients are ln theta and
-    ln beta, shape (batch, n_ratio, 2).
+    that change more than once are those that overlap, unless their outcomes mix in one cell
+    alone, or their changes are no farther apart than a cell is wide, which no slope can be told
+    from: ln theta is then uniform from the first to the last of these. A row that is undecided
+    or left out gets ln theta and ln beta linear in ln PGV/PGA between its neighbours, constant
+    beyond the outermost; what is undecided goes by rows with both outcomes, where there are
+    any. Coefficients are ln theta and ln beta, shape (batch, n_ratio, 2).
 
     Attributes
     ----------
@@ -182,10 +182,14 @@ class LognormalFragility(FragilityModel):
         if np.isinf(high):
             return "above", low, low + further
         toppled, trials = self._own.toppled[row], self._own.trials[row]
-        both = np.any(toppled > 1e-9) and np.any(trials - toppled > 1e-9)
-        if not thresholds.single[row] and both:  # in the cells; one may be beyond
+        fell, stood = np.flatnonzero(toppled > 1e-9), np.flatnonzero(trials - toppled > 1e-9)
+        if (
+            not thresholds.single[row] and fell.size and stood.size
+        ):  # in reach, as one may be beyond
             last = thresholds.last[row]
-            return ("interval", low, last) if last - low <= STEP else ("probit", np.nan, np.nan)
+            if fell[0] < stood[-1] and not last - low <= STEP:
+                return "probit", np.nan, np.nan
+            high = high if np.isnan(low) else np.fmax(high, last)
         return ("below", high - further, high) if np.isnan(low) else ("interval", low, high)
 
     def _probit(self, rows: Indices) -> tuple[Array, Array, Array, Mask]:
@@ -207,14 +211,15 @@ class LognormalFragility(FragilityModel):
             tolerance=1e-8,
         )
         b0, b1 = np.where(flat, level[:, 0], free[:, 0]), np.where(flat, slope, free[:, 1])
-        information = _information(b0[:, None] + b1[:, None] * centred, trials)[0]
-        # delta method: ln theta = -b0/b1, ln beta = -ln b1; a flat row's slope is not estimated
-        fisher = np.einsum("ri,ij,ik->rjk", information, both, both)
-        by_slope = np.where(flat, 0.0, [b0 / b1**2, -1.0 / b1])
-        gradient = np.stack([np.stack([-1.0 / b1, np.zeros_like(b1)]), by_slope], axis=2)
-        fisher[flat] *= np.array([[1.0, 0.0], [0.0, 0.0]])
-        variance = np.einsum("kri,rij,krj->rk", gradient, np.linalg.pinv(fisher), gradient)
-        return centre - b0 / b1, -np.log(b1), np.sqrt(variance), flat
+        weight = _information(b0[:, None] + b1[:, None] * centred, trials)[0]
+        # delta method from the weighted mean, where both coefficients are told apart: ln theta =
+        # mean - level/b1, ln beta = -ln b1; a flat row's slope is not estimated
+        total = weight.sum(axis=1)
+        mean = weight @ centred / total
+        spread = (weight * (centred - mean[:, None]) ** 2).sum(axis=1)
+        of_slope = np.where(flat, 0.0, 1.0 / (spread * b1**2))
+        variance = [1.0 / (total * b1**2) + (b0 / b1 + mean) ** 2 * of_slope, of_slope]
+        return centre - b0 / b1, -np.log(b1), np.sqrt(variance).T, flat
 
 
 def _means(places: Array, values: Array) -> tuple[Array, Array]:

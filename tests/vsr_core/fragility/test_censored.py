@@ -286,6 +286,26 @@ def test_changes_that_tell_no_slope_bound_the_median_of_their_row(last: float) -
     assert (high < 0.71).all()
 
 
+@pytest.mark.parametrize(
+    ("pga", "sides"),
+    [
+        ([0.039, 0.056, 0.064, 0.085, 0.0997, 0.169], [1, -1, 0, 0, 1, 1]),
+        ([1.897, 1.950, 1.971, 1.996, 2.994, 6.098], [1, 1, 0, -1, 1, 1]),
+    ],
+)
+def test_outcomes_that_mix_in_one_cell_alone_tell_no_slope(
+    pga: list[float], sides: list[int]
+) -> None:
+    """The likelihood rises with the slope without end: theta is below the first to topple."""
+    known = Known.of([0] * len(pga), pga, sides)
+    model = LognormalFragility(shares(known, [0.5]), thresholds(known, 1))
+    assert model.status == ("below",)
+    draws = model.resample(np.ones((200, 1)), np.random.default_rng(0))
+    theta = np.exp(draws[:, 0, 0])
+    assert theta.max() <= pga[0]
+    assert theta.min() > 0.2 * pga[0]
+
+
 def test_a_row_of_which_no_two_runs_beside_each_other_are_decided() -> None:
     known = Known.of([0] * 6, [0.05, 0.1, 0.2, 0.3, 0.42, 0.437], [0, 0, -1, -1, -1, 1])
     found = fit_all([0.05, 0.1, 0.437], [0.136], [[0, 0, 1]], known)
