@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,8 @@ TOPPLED_TILT = 1.0
 scripts of Chen et al.)."""
 
 _OVERHANG = 1e-6  # of a face's distance from the centre of mass, that counts as none
-_MORE = 1e-9  # push [g] beyond rounding, without which a rock would go to and fro over an edge
+_ROUNDING = 1e-9
+"""What is less, of that distance or of g, is none: a rock would go to and fro over an edge."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +73,9 @@ def settle(hull: Hull, largest: float = MAX_SETTLING_TURN) -> tuple[Array, float
     """
     given = np.array([0.0, 0.0, -1.0])
     facet = int(np.argmin(hull.normals[:, 2]))
-    outlines = _outlines(hull)
-    for _ in range(len(hull.facets)):
-        outline = outlines[hull.face[facet]]
+    face, outlines = _outlines(hull)
+    for _ in range(len(outlines)):
+        outline = outlines[face[facet]]
         edge = int(np.argmin(outline.room))
         if outline.room[edge] >= -_OVERHANG * hull.offsets[facet]:
             break
@@ -96,7 +98,10 @@ def rest_tilts(hull: Hull) -> Array:
     -------
     ndarray, shape (k,) [rad], ascending; the first is the given pose, 0
     """
-    stable = [outline.facet for outline in _outlines(hull).values() if outline.room.min() >= 0.0]
+    face, outlines = _outlines(hull)
+    facets = np.unique(face, return_index=True)[1]
+    room = np.array([outline.room.min() for outline in outlines])
+    stable = facets[room >= -_ROUNDING * hull.offsets[facets]]
     return np.sort(np.arccos(np.clip(-hull.normals[stable, 2], -1.0, 1.0)))
 
 
@@ -135,81 +140,86 @@ def tipping(hull: Hull, direction: Array) -> Tipping:
     direction : ndarray, shape (k,) [rad], in which the rock tips, counter-clockwise from +x
     """
     start = int(np.argmin(hull.normals[:, 2]))
-    outlines = _outlines(hull)
     level = np.column_stack([np.cos(direction), np.sin(direction), np.zeros(len(direction))])
-    pairs = [_tip(hull, outlines, start, toward) for toward in level]
+    pairs = [_tip(hull, start, toward) for toward in level]
     uplift, overturning = np.array(pairs).T
     return Tipping(direction, uplift, overturning)
 
 
 class _Outline(NamedTuple):
-    """A flat face of a hull, seen from the foot of the centre of mass.
+    """A face of a hull, seen from the foot of the centre of mass.
 
     ``room`` is the distance [m] to each edge, negative where the centre overhangs it, ``outward``
-    the edge's normal in the face's plane, ``neighbour`` a facet beyond it; ``facet`` is one of
-    the face's own.
+    the edge's normal in the face's plane, ``neighbour`` the facet beyond it, by which its own face
+    is known.
     """
 
-    facet: int
     room: Array
     outward: Array
     neighbour: Indices
 
 
 @lru_cache(maxsize=4)
-def _outlines(hull: Hull) -> dict[int, _Outline]:
-    """Outline of every flat face."""
-    facet, corner = np.nonzero(hull.face[hull.neighbours] != hull.face[:, None])
-    order = np.argsort(hull.face[facet], kind="stable")  # edges of a face one after the other
+def _outlines(hull: Hull) -> tuple[Indices, list[_Outline]]:
+    """Number of each facet's face, and outline of every face: of facets whose normals are equal.
+
+    Such a face is convex, as Qhull merges facets until all are; those of ``hull.face`` are not
+    where a base is flat but for rounding.
+    """
+    face = np.unique(hull.normals, axis=0, return_inverse=True)[1].reshape(-1)
+    facet, corner = np.nonzero(face[hull.neighbours] != face[:, None])
+    order = np.argsort(face[facet], kind="stable")  # edges of a face one after the other
     facet, corner = facet[order], corner[order]
     first = hull.vertices[hull.facets[facet, (corner + 1) % 3]]
     second = hull.vertices[hull.facets[facet, (corner + 2) % 3]]
     outward = np.cross(second - first, hull.normals[facet])
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     middle = 0.5 * (first + second)
-    numbers, begin, edges = np.unique(hull.face[facet], return_index=True, return_counts=True)
-    inside = np.repeat(np.add.reduceat(middle, begin) / edges[:, None], edges, axis=0)
+    begin = np.searchsorted(face[facet], np.arange(face.max() + 2))
+    edges = np.diff(begin)
+    inside = np.repeat(np.add.reduceat(middle, begin[:-1]) / edges[:, None], edges, axis=0)
     outward *= np.sign(np.einsum("ij,ij->i", outward, middle - inside))[:, None]
     room = np.einsum("ij,ij->i", outward, first)
     beyond = hull.neighbours[facet, corner]
-    return {
-        number: _Outline(int(facet[one]), room[one:end], outward[one:end], beyond[one:end])
-        for number, one, end in zip(numbers.tolist(), begin, begin + edges, strict=True)
-    }
+    return face, [
+        _Outline(room[one:end], outward[one:end], beyond[one:end])
+        for one, end in pairwise(begin.tolist())
+    ]
 
 
-def _tip(
-    hull: Hull, outlines: dict[int, _Outline], facet: int, toward: Array
-) -> tuple[float, float]:
+def _tip(hull: Hull, facet: int, toward: Array) -> tuple[float, float]:
     """Uplift and overturning acceleration [g] toward one horizontal direction.
 
     At one push the rock only loses energy and comes back to no face. At a larger one it may: a bump
     can turn it aside, onto a face from which the push brings it back.
     """
-    needed, uplift = 0.0, np.inf
-    start = down = hull.normals[facet]
+    face, outlines = _outlines(hull)
+    start, down = facet, hull.normals[facet]
+    needed, uplift, more = 0.0, np.inf, _ROUNDING
     seen: set[int] = set()  # at this push
     while True:
-        seen.add(int(hull.face[facet]))
-        outline = outlines[int(hull.face[facet])]
-        height, slope = hull.offsets[facet], matrix_product(outline.outward, toward[:, None])[:, 0]
-        closed = np.array([int(hull.face[f]) in seen for f in outline.neighbour])
-        room = np.where(closed, np.inf, outline.room - needed * height * slope)
+        seen.add(face[facet])
+        height, outline = hull.offsets[facet], outlines[face[facet]]
+        slope = height * matrix_product(outline.outward, toward[:, None])[:, 0]
+        closed = np.array([face[other] in seen for other in outline.neighbour])
+        room = np.where(closed, np.inf, outline.room - needed * slope)
         edge = int(np.argmin(room))
-        if room[edge] >= 0.0:
+        if room[edge] >= -_ROUNDING * height:
             reach = np.full(len(slope), np.inf)
-            ahead = slope > 0.0
-            reach[ahead] = outline.room[ahead] / (height * slope[ahead])
-            reach[closed] = np.maximum(reach[closed], needed + _MORE)
+            np.divide(outline.room, slope, out=reach, where=slope > _ROUNDING * height)
+            reach[closed] = np.maximum(reach[closed], needed + more)
             edge = int(np.argmin(reach))
+            if reach[edge] == needed + more:
+                more *= 2.0  # so that it ends
             if reach[edge] > needed:
                 needed = float(reach[edge])
                 seen.clear()
-        uplift = min(uplift, needed)
         facet = int(outline.neighbour[edge])
+        if hull.face[facet] != hull.face[start]:
+            uplift = min(uplift, needed)
         turn = _rotation(down, hull.normals[facet])
         down = hull.normals[facet]
-        if np.arccos(np.clip((down * start).sum(), -1.0, 1.0)) > TOPPLED_TILT:
+        if np.arccos(np.clip((down * hull.normals[start]).sum(), -1.0, 1.0)) > TOPPLED_TILT:
             return uplift, needed
         toward = matrix_product(turn, toward[:, None])[:, 0]
 

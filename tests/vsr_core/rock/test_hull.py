@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from vsr_core.errors import InvalidInput
+from vsr_core.rock import tipping as tipping_of
 from vsr_core.rock.body import Hull, contact_tilts, convex_hull, touching
 from vsr_core.rock.tipping import MAX_SETTLING_TURN, base_polygon, rest_tilts, settle, tipping
 
@@ -123,6 +124,37 @@ def test_points_in_the_base_and_its_edges_do_not_matter(
     np.testing.assert_allclose(tips.uplift, plain.uplift, rtol=1e-6, atol=1e-7)
     np.testing.assert_allclose(tips.overturning, plain.overturning, rtol=1e-6, atol=1e-7)
     assert settle(crowded)[1] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("cut", [0.0, 0.05])
+@pytest.mark.parametrize("size", [1e-8, 1e-7, 1e-6, 1e-5, 1e-4])
+def test_a_base_flat_but_for_rounding_is_left_at_its_edge(
+    cut: float, size: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Within what the rock leans, at rest and on a facet of it; and a walk takes few turns."""
+    turns: list[float] = []
+
+    def counted(a: Array, b: Array) -> Array:
+        turns.append(0.0)
+        assert len(turns) < 1000
+        return rolled(a, b)
+
+    rolled = tipping_of._rotation
+    monkeypatch.setattr(tipping_of, "_rotation", counted)
+    rng, top = np.random.default_rng(6), SIGNS[SIGNS[:, 2] > 0.0] * (0.3, 0.3, 0.9)
+    slope = Rotation.from_euler("y", cut).as_matrix()
+    for _ in range(4):
+        base = np.column_stack([rng.uniform(-0.3, 0.3, (200, 2)), np.full(200, -0.9)])
+        written = np.round(np.vstack([base, top]) @ slope.T / size) * size
+        if not cut:
+            written[:200, 2] += size * rng.standard_normal(200)
+        hull = convex_hull(written)
+        hull = hull.turned(settle(hull)[0])
+        expected = np.arctan(to_the_edge(base[:, :2], ALL_ROUND[::40]) / 0.9)
+        leans = np.linalg.norm(hull.normals[hull.normals[:, 2] < -0.9, :2], axis=1).max()
+        turns.clear()
+        found = tipping(hull, ALL_ROUND[::40]).angle
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=2.0 * leans + 10.0 * size)
 
 
 @given(st.floats(0.2, 0.9), st.floats(0.02, 0.6), st.floats(0.5, 3.0))
