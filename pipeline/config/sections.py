@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
 
 _DIGITS = 12
 
@@ -56,6 +56,12 @@ class Range(Section):
     start: float = Field(description="first value")
     stop: float = Field(description="last value")
     num: int = Field(ge=1, le=100_000, description="number of values")
+
+    @model_validator(mode="after")
+    def _both_ends(self) -> Range:
+        if self.num == 1 and self.start != self.stop:
+            raise Refused("both ends are included, so num must be 2 or more", "give a number alone")
+        return self
 
     def values(self) -> tuple[float, ...]:
         """The values, rounded so that overlapping ranges share them exactly.

@@ -66,6 +66,7 @@ SETTINGS = {
     "rock.size=[1e-300, 1e-300, 1e-300]": ("rock.size", "0.005"),
     "rock.size=[1e-320, 1, 1]": ("rock.size", "thick"),
     "rock.size=[1, 1, 1e6]": ("rock.size", "30 m"),
+    "yaw={start: 7, stop: 90, num: 1}": ("yaw", "'num': 1", "both ends", "a number alone"),
     "rock.size=[true, 1, 2]": ("rock.size.0", "True", "number"),
     "rock.density=1e-308": ("rock.density", "1e-308", "10"),
     "rock.density=2.7": ("rock.density", "2.7", "kg m-3"),

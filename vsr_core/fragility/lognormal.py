@@ -183,9 +183,7 @@ class LognormalFragility(FragilityModel):
             return "above", low, low + further
         toppled, trials = self._own.toppled[row], self._own.trials[row]
         fell, stood = np.flatnonzero(toppled > 1e-9), np.flatnonzero(trials - toppled > 1e-9)
-        if (
-            not thresholds.single[row] and fell.size and stood.size
-        ):  # in reach, as one may be beyond
+        if not thresholds.single[row] and fell.size and stood.size:  # both in reach
             last = thresholds.last[row]
             if fell[0] < stood[-1] and not last - low <= STEP:
                 return "probit", np.nan, np.nan

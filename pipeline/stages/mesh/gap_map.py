@@ -42,7 +42,7 @@ class Gaps:
     @property
     def overlap(self) -> float:
         """Largest overlap [m]."""
-        return max(0.0, -float(np.nanmin(self.gap)))
+        return abs(float(np.nanmin(self.gap, initial=0.0)))
 
     @property
     def overlapping(self) -> float:

@@ -193,11 +193,10 @@ def _check_noise(motion: SampledMotion, columns: Columns) -> None:
     for axis in (one for one in AXES if one in columns):
         values, unit, turns = columns[axis].values, _unit(columns[axis]), int(axis not in "xyz")
         if np.ptp(values):
-            digits.refuse_lone(motion.samples[:, AXES.index(axis)] / unit, axis, step)
             far = np.abs(values) > 0.1 * np.abs(values).max()  # in a long rest all digits are fine
             rounded[turns] += unit * np.quantile(digits.last(values)[far], 0.9)
             rough[turns] += math.sqrt(12.0) * digits.noise(motion.samples[:, AXES.index(axis)])
-    peak = np.maximum(motion.peak_acceleration, [1e-300, turning])
+    peak = np.maximum(motion.peak_acceleration, [1e-300, max(turning, 1e-300)])
     for size, most, what in (
         (rounded, MOST_ROUNDED, "whose last digits alone make"),
         (rough, MOST_ROUGH, "that jump to and fro, which makes"),
@@ -207,6 +206,8 @@ def _check_noise(motion: SampledMotion, columns: Columns) -> None:
             given = f"positions {what} up to {share:.0%} of the PGA"
             remedy = "write them with more digits, or filter and thin them out"
             raise InvalidInput(given, f"it is {most:.0%} at most", remedy)
+    for axis in (one for one in AXES if one in columns):
+        digits.refuse_lone(motion.samples[:, AXES.index(axis)] / _unit(columns[axis]), axis, step)
 
 
 def _unit(axis: Column) -> float:

@@ -71,7 +71,7 @@ def test_a_list_replaces_a_range_and_a_range_a_list(write_site: WriteSite) -> No
         ("[0, 90]", (0.0, 90.0)),
         ("[90, 0]", (90.0, 0.0)),
         ("{start: 0, stop: 90, num: 4}", (0.0, 30.0, 60.0, 90.0)),
-        ("{start: 7, stop: 90, num: 1}", (7.0,)),
+        ("{start: 7, stop: 7, num: 1}", (7.0,)),
     ],
 )
 def test_scalars_lists_and_ranges_become_dimensions(

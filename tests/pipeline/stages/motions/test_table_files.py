@@ -152,9 +152,8 @@ def test_a_mark_of_a_missing_sample_is_no_position(
     way = 0.5e3 * PULSE
     way[places] = mark
     path = write(tmp_path / "table.csv", "time [s],x [mm]", FREQUENT, way)
-    with pytest.raises(
-        InvalidInput, match=rf"{re.escape(f'{mark:.10g}')} \(x\) at {places[0] / 100:g} s"
-    ):
+    when = "|".join(f"{place / 100:g}" for place in places)
+    with pytest.raises(InvalidInput, match=rf"{re.escape(f'{mark:.10g}')} \(x\) at ({when}) s"):
         load(path)
 
 
@@ -163,6 +162,19 @@ def test_a_lone_position_is_none(tmp_path: Path) -> None:
     way[290] = 500.0
     path = write(tmp_path / "table.csv", "time [s],x [mm]", FREQUENT, way)
     with pytest.raises(InvalidInput, match=r"500 \(x\) at 2\.9 s, far from"):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    "out", [slice(160, 161), slice(160, 162), slice(160, 163), slice(160, 168)]
+)
+@pytest.mark.parametrize("away", [0.0, 0.7])
+def test_what_is_not_on_the_way_is_no_motion(away: float, out: slice, tmp_path: Path) -> None:
+    """The table swings 20 mm at 2 Hz, and some samples are less or none."""
+    way = 20.0 * np.sin(np.pi * FREQUENT / FREQUENT[-1]) ** 4 * np.sin(4.0 * np.pi * FREQUENT)
+    way[out] *= away
+    path = write(tmp_path / "table.csv", "time [s],x [mm]", FREQUENT, way)
+    with pytest.raises(InvalidInput, match=r"\(x\) at 1\.\d+ s, far from what is beside it"):
         load(path)
 
 
