@@ -208,6 +208,7 @@ def _check_noise(motion: SampledMotion, columns: Columns) -> None:
             raise InvalidInput(given, f"it is {most:.0%} at most", remedy)
     for axis in (one for one in AXES if one in columns):
         digits.refuse_lone(motion.samples[:, AXES.index(axis)] / _unit(columns[axis]), axis, step)
+    digits.refuse_unresolved(motion.samples, step)
 
 
 def _unit(axis: Column) -> float:

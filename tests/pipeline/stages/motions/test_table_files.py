@@ -178,6 +178,21 @@ def test_what_is_not_on_the_way_is_no_motion(away: float, out: slice, tmp_path: 
         load(path)
 
 
+@pytest.mark.parametrize("every", [3, 10, 17])
+@pytest.mark.parametrize("axis", ["x [mm]", "yaw [mrad]"])
+def test_what_a_tracker_loses_again_and_again_is_no_motion(
+    axis: str, every: int, tmp_path: Path
+) -> None:
+    """The others of it are not far off the way of those beside them."""
+    way = 20.0 * np.sin(np.pi * FREQUENT / FREQUENT[-1]) ** 4 * np.sin(4.0 * np.pi * FREQUENT)
+    path = write(tmp_path / "table.csv", f"time [s],{axis}", FREQUENT, way)
+    load(path)
+    way[::every] = 0.0
+    write(path, f"time [s],{axis}", FREQUENT, way)
+    with pytest.raises(InvalidInput, match=r"to and fro|far from what is beside"):
+        load(path)
+
+
 def test_without_an_angle_it_does_not_turn(tmp_path: Path) -> None:
     motion = load(write(tmp_path / "table.csv", "time [s],x [m],z [m]", TIME, SWELL, -SWELL))
     assert not motion.turns
