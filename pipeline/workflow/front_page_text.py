@@ -211,10 +211,11 @@ def _error(path: Path) -> dict[str, str]:
     with _dataset(path) as data:
         errors: list[float] = []
         if "boundary_error" in data.variables:
-            stored = data["boundary_error"]
-            if stored.size > _MOST_ERRORS:
-                raise ValueError(f"{stored.size} errors")
-            errors = np.ma.filled(stored[...].astype(np.float64), np.nan).ravel().tolist()
+            both = [data[name] for name in ("boundary_error", "boundary_shift")]
+            if (most := max(stored.size for stored in both)) > _MOST_ERRORS:
+                raise ValueError(f"{most} errors")
+            found = [np.ma.filled(stored[...].astype(np.float64), np.nan) for stored in both]
+            errors = np.fmax(*found).ravel().tolist()
     known = sorted(100.0 * error for error in errors if error == error)
     if not known:
         return {"error": "not measured"} if errors else {}

@@ -27,8 +27,8 @@ from vsr_core.engines import load
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Response
 from vsr_core.rock.body import Rock
-from vsr_core.run.agreement import Answer, agrees_from, answer, by_references
-from vsr_core.run.boundary_search import Topples, left_its_place, verdict
+from vsr_core.run.agreement import HALVINGS, WINDOW, Answer, agrees_from, answer, by_references
+from vsr_core.run.boundary_search import Topples, halved, left_its_place, verdict
 from vsr_core.run.cases import Case, Settings, TerrainCase
 from vsr_core.run.displacement import respond
 from vsr_core.run.input_checks import longest_step
@@ -82,6 +82,8 @@ class Row:
     reference : float [m/s^2], the boundary at the reference; infinite if no pulse gets there
     exact : bool, whether the reference is Housner's equation
     error : ndarray, shape (k,), relative: where, from the boundary outwards, a run first agrees
+    shift : ndarray, shape (k,), relative: how far away a boundary is found by halving, as that of a
+        study is. Where outcomes alternate with PGA a run agrees by chance, and this is larger.
     steps : ndarray, shape (k,), mean time steps of a run
     """
 
@@ -89,6 +91,7 @@ class Row:
     reference: float
     exact: bool
     error: Array
+    shift: Array
     steps: Array
 
 
@@ -246,14 +249,17 @@ def _row(
     known, pgv_pga = known_by(coarse, (fine,), (fine, second)), fine.pgv_pga
     if math.isnan(known.boundary):
         nothing = np.full(len(ladder.shares), math.nan)
-        return Row(pgv_pga, math.inf, known.exact, nothing, nothing)
+        return Row(pgv_pga, math.inf, known.exact, nothing, nothing, nothing)
     passing = cache(known.passing)
-    error, steps = [], []
+    error, shift, steps = [], [], []
+    ends = (1.0 - WINDOW) * known.boundary, (1.0 + WINDOW) * known.boundary
     for share in ladder.shares:
         tried = trial(share)
         error.append(agrees_from(tried, passing, known.boundary))
         steps.append(tried.steps / tried.runs)
-    return Row(pgv_pga, known.boundary, known.exact, np.array(error), np.array(steps))
+        shift.append(abs(halved(tried, *ends, HALVINGS).middle / known.boundary - 1.0))
+    found = map(np.array, (error, shift, steps))
+    return Row(pgv_pga, known.boundary, known.exact, *found)
 
 
 class _Trial:
@@ -296,6 +302,19 @@ def front(shares: Sequence[float], error: Array, steps: Array) -> Front:
     error, steps = error[known], steps[known]
     most = np.quantile(error, KEPT_BY, axis=0, method="inverted_cdf")
     return Front(tried, most, error.max(axis=0), steps.mean(axis=0))
+
+
+def kept_shift(shift: Array) -> float:
+    """Shift that ``KEPT_BY`` of the rows keep; nan where fewer than ``ENOUGH`` have a reference.
+
+    Parameters
+    ----------
+    shift : ndarray, shape (rows,), as in ``Row``, at one step
+    """
+    known = shift[np.isfinite(shift)]
+    if known.size < ENOUGH:
+        return math.nan
+    return float(np.quantile(known, KEPT_BY, method="inverted_cdf"))
 
 
 def longest(rock: Rock, engine: str) -> float:

@@ -198,6 +198,7 @@ def time_steps(measured: xr.Dataset) -> list[dict[str, Any]]:
         ``simulation.accurate`` names besides the boundary.
     """
     names = ["time_step", "boundary_error", "boundary_error_worst", "displaced_error"]
+    names.append("boundary_shift")
     rows: list[Any] = measured[names].to_dataframe().reset_index().to_dict("records")
     for at, row in enumerate(rows):
         row["others"] = [

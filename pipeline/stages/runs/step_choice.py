@@ -107,6 +107,8 @@ def make(
     for name, field in _CHOSEN.items():
         dataset[name] = ("friction", [float(getattr(choice, field)) for choice in choices])
     dataset["within_tolerance"] *= np.array([one.within for one in errors])
+    every = [_shift(dataset.isel(friction=at)) for at in range(dataset.sizes["friction"])]
+    dataset["boundary_shift"] = ("friction", every)
     dataset = dataset.assign(variables(errors))
     files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
     return Product(files, _summary(choices) + told(errors), warning=warning(choices, errors))
@@ -115,7 +117,8 @@ def make(
 def _given(work: Work, scenes: Scenes, time_step: float) -> Product:
     """A step that is given, whose error of the boundary is not measured."""
     frictions = scenes.settings.contact.friction
-    chosen = {name: ("friction", np.full(len(frictions), math.nan)) for name in _CHOSEN}
+    names = (*_CHOSEN, "boundary_shift")
+    chosen = {name: ("friction", np.full(len(frictions), math.nan)) for name in names}
     chosen["time_step"] = ("friction", np.full(len(frictions), time_step))
     with closing(RunStore(work.runs, StepRow)) as database:
         look = partial(measured, work, database)
@@ -190,9 +193,19 @@ def kept(measured: xr.Dataset, boundary: Boundary) -> tuple[int, int]:
     stated = measured["displaced_error" if boundary is Boundary.DISPLACED else "boundary_error"]
     errors = measured["row_error"].values[measured["row_displaced"].values == boundary]
     errors = errors[np.isfinite(errors).all(axis=1)]
+    return int((errors[:, _place(measured)] <= float(stated)).sum()), len(errors)
+
+
+def _place(measured: xr.Dataset) -> int:
+    """Place on the ladder of the step chosen for one friction."""
     steps = measured["step_share"].values * measured.attrs["step_unit_s"]
-    at = int(np.abs(steps - float(measured["time_step"])).argmin())
-    return int((errors[:, at] <= float(stated)).sum()), len(errors)
+    return int(np.abs(steps - float(measured["time_step"])).argmin())
+
+
+def _shift(measured: xr.Dataset) -> float:
+    """How far four rows in five have moved their boundary at most at the step of one friction."""
+    toppled = measured["row_displaced"].values == Boundary.TOPPLED
+    return ladder.kept_shift(measured["row_shift"].values[toppled, _place(measured)])
 
 
 def step_for(measured: xr.Dataset, error: float) -> float | None:
@@ -236,7 +249,7 @@ def _lots(
         known = measured([Wanted(at, place) for at in few for place in lot]) if few else {}
         for at, rows in enumerate(found):
             for place in lot:
-                nothing = Row(place.pgv_pga, math.nan, False, unknown, unknown)
+                nothing = Row(place.pgv_pga, math.nan, False, unknown, unknown, unknown)
                 rows[place] = known.get(Wanted(at, place), nothing)
     return found
 
@@ -316,14 +329,14 @@ def _shares(scenes: Scenes) -> Sequence[float]:
 
 
 def _packed(key: bytes, row: Row) -> StepRow:
-    numbers = np.concatenate([row.error, row.steps]).astype("<f8").tobytes()
+    numbers = np.concatenate([row.error, row.shift, row.steps]).astype("<f8").tobytes()
     return StepRow(key, int(row.exact), row.reference, numbers)
 
 
 def _unpacked(wanted: Wanted, row: StepRow) -> Row:
-    error, steps = np.frombuffer(row.numbers, "<f8").reshape(2, -1)
+    error, shift, steps = np.frombuffer(row.numbers, "<f8").reshape(3, -1)
     reference = math.nan if row.reference is None else row.reference
-    return Row(wanted.place.pgv_pga, reference, bool(row.exact), error, steps)
+    return Row(wanted.place.pgv_pga, reference, bool(row.exact), error, shift, steps)
 
 
 def _dataset(scenes: Scenes, found: list[dict[Place, Row]]) -> xr.Dataset:
@@ -333,6 +346,7 @@ def _dataset(scenes: Scenes, found: list[dict[Place, Row]]) -> xr.Dataset:
     table: dict[str, Any] = {
         "row_reference": [[in_si.in_g(row.reference) for row in own] for own in rows],
         "row_error": [[row.error for row in own] for own in rows],
+        "row_shift": [[row.shift for row in own] for own in rows],
         "row_steps": [[row.steps for row in own] for own in rows],
     }
     dims = ("friction", "row", "step_share")

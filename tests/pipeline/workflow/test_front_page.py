@@ -54,7 +54,8 @@ def results(derived: Path) -> Path:
     publish(site, "report", {"report.html": page("A rock's report", answer, picture(900, 300))})
     publish(site, "replay", {"replays/one.html": page("&lt;script&gt;alert(1)&lt;/script&gt;")}, 3)
     publish(Store(site.folder / "studies" / "size" / "1 m", site), "rock", {"rock.csv": "a"})
-    errors = xr.Dataset({"boundary_error": ("friction", np.array([0.0012, np.nan]))})
+    numbers = {"boundary_error": np.array([0.0005, np.nan]), "boundary_shift": [0.0012, np.nan]}
+    errors = xr.Dataset({name: ("friction", values) for name, values in numbers.items()})
     facts = {"key": "k", "facts": {}, "unresolved": 0, "retry": 0}
     with site:
         site.open()
@@ -232,12 +233,14 @@ def test_a_page_that_is_no_file_is_left_out_and_named(
 
 def text_errors(data: netCDF4.Dataset) -> None:
     data.createDimension("a", 1)
-    data.createVariable("boundary_error", str, ("a",))[0] = "q"
+    for name in ("boundary_error", "boundary_shift"):
+        data.createVariable(name, str, ("a",))[0] = "q"
 
 
 def many_errors(data: netCDF4.Dataset) -> None:
     data.createDimension("a", 10**10)
-    data.createVariable("boundary_error", "f8", ("a",), zlib=True, chunksizes=(10**6,))
+    for name in ("boundary_error", "boundary_shift"):
+        data.createVariable(name, "f8", ("a",), zlib=True, chunksizes=(10**6,))
 
 
 @pytest.mark.parametrize("change", [text_errors, many_errors])

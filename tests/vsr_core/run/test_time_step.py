@@ -134,6 +134,29 @@ def test_where_the_reference_changes_its_mind_no_error_is_smaller(
     assert (row.error == 0.06).all()  # the first of the offsets beyond that
 
 
+def test_where_outcomes_alternate_the_boundary_found_is_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A coarse run topples between 10 and 10.1 m/s^2, as it should, and again from 10.4 on only."""
+    case = hull(5.0)
+    unit = time_step.step_unit(case.full.rock)
+
+    def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        falls = motion.pga > 10.0
+        if settings.time_step / unit > 0.01:
+            falls = 10.0 < motion.pga < 10.1 or motion.pga > 10.4
+        return ending(Outcome.OVERTURNED if falls else Outcome.BALANCED)
+
+    monkeypatch.setattr(time_step, "simulate", fake)
+    row, coarse = measure(case, 0.3, Settings(1.0)), np.array(SHARES) > 0.01
+    assert coarse.any()
+    np.testing.assert_array_equal(row.error, OFFSETS[0])
+    np.testing.assert_allclose(row.shift[coarse], 0.04, atol=0.003)
+    np.testing.assert_allclose(row.shift[~coarse], 0.0, atol=0.003)
+    assert time_step.kept_shift(np.array([0.01, 0.04, 0.02, 0.3, np.nan, 0.03])) == 0.04
+    assert math.isnan(time_step.kept_shift(np.array([0.01, 0.04, np.nan])))
+
+
 @pytest.mark.parametrize(("true", "least"), [(12.0, OFFSETS[0]), (7.5, OFFSETS[0]), (0.0, WORST)])
 def test_a_reference_far_from_the_coarsest_step_is_found_or_speaks_for_no_step(
     monkeypatch: pytest.MonkeyPatch, true: float, least: float
@@ -228,8 +251,8 @@ def test_rows_that_are_tried_in_turn() -> None:
 
 def test_two_rows_are_not_enough_for_an_error() -> None:
     nothing = np.full(len(SHARES), math.nan)
-    rows = [Row(0.3, 5.0, False, nothing, nothing)] * 2 + [
-        Row(0.3, none, False, nothing, nothing) for none in (math.inf, math.nan)
+    rows = [Row(0.3, 5.0, False, nothing, nothing, nothing)] * 2 + [
+        Row(0.3, none, False, nothing, nothing, nothing) for none in (math.inf, math.nan)
     ]
     assert not enough(rows)
     assert enough([*rows, rows[0]])
