@@ -68,7 +68,12 @@ class RockConfig(Section):
     fallback: str | None = Field(
         None, description="surrogate of vsr_core.surrogates, used where there is no scan"
     )
-    scale: float = Field(1.0, ge=1e-6, le=1e6, description="length of the mesh file's unit [m]")
+    scale: float = Field(
+        1.0,
+        ge=1e-6,
+        le=1e6,
+        description="length of the mesh file's unit [m]; a surrogate, in metres, is scaled, too",
+    )
     closing: Literal["caps", "hull", "poisson"] = Field(
         "caps", description="method to close the underside, which a scan does not see"
     )

@@ -92,7 +92,7 @@ def refuse_lone(values: Array, name: str, step: float) -> None:
     if sharp and size[at] > _LONE * beside[beside < 0.5 * size[at]].max(initial=0.0):
         first = max(at - 1, 0)
         near = values[first : at + 6]
-        off = int(np.abs(near - np.median(near)).argmax())
+        off = int(np.abs(near - np.linspace(near[0], near[-1], len(near))).argmax())
         place = f"{near[off]:.10g} ({name}) at {(first + off) * step:.4g} s"
         given = f"{place}, far from what is beside it"
         raise InvalidInput(given, "a motion goes there and back", "leave it out, or fill it")

@@ -252,12 +252,15 @@ def _row(
         return Row(pgv_pga, math.inf, known.exact, nothing, nothing, nothing)
     passing = cache(known.passing)
     error, shift, steps = [], [], []
-    ends = (1.0 - WINDOW) * known.boundary, (1.0 + WINDOW) * known.boundary
+    # not about the boundary, at which the first trial would agree by luck
+    ends = (1.0 - WINDOW) * known.boundary, (1.0 + 1.5 * WINDOW) * known.boundary
+    right = (lambda pga: passing(pga) == {True}) if known.exact else fine
+    expected = halved(right, *ends, HALVINGS).middle
     for share in ladder.shares:
         tried = trial(share)
         error.append(agrees_from(tried, passing, known.boundary))
         steps.append(tried.steps / tried.runs)
-        shift.append(abs(halved(tried, *ends, HALVINGS).middle / known.boundary - 1.0))
+        shift.append(abs(halved(tried, *ends, HALVINGS).middle / expected - 1.0))
     found = map(np.array, (error, shift, steps))
     return Row(pgv_pga, known.boundary, known.exact, *found)
 

@@ -30,8 +30,8 @@ SUFFIXES = (".ply", ".stl", ".obj", ".dae", ".glb")
 _NOT_READ = (
     *(".gltf", ".off", ".3mf", ".fbx", ".3ds", ".blend", ".ctm", ".wrl", ".x3d", ".vtk", ".vtp"),
     *(".usd", ".usda", ".usdc", ".usdz", ".step", ".stp", ".iges", ".igs", ".dxf"),
-    *(".las", ".laz", ".e57", ".pcd", ".pts", ".ptx", ".xyz", ".asc"),
-    *(".zip", ".gz", ".tgz", ".7z", ".rar"),
+    *(".las", ".laz", ".e57", ".pcd", ".pts", ".ptx", ".xyz", ".asc", ".bin", ".rcp", ".psx"),
+    *(".zip", ".gz", ".tgz", ".xz", ".bz2", ".tar", ".7z", ".rar"),
 )
 """Endings of scans in other formats, or packed: none stands in for them."""
 

@@ -206,8 +206,12 @@ def _check_noise(motion: SampledMotion, columns: Columns) -> None:
             given = f"positions {what} up to {share:.0%} of the PGA"
             remedy = "write them with more digits, or filter and thin them out"
             raise InvalidInput(given, f"it is {most:.0%} at most", remedy)
-    for axis in (one for one in AXES if one in columns):
-        digits.refuse_lone(motion.samples[:, AXES.index(axis)] / _unit(columns[axis]), axis, step)
+    bend = np.abs(np.diff(motion.samples, 2, axis=0)).max(axis=0)
+    for at in np.flatnonzero(
+        bend > MOST_ROUNDED * bend.max()
+    ):  # what the others drown is no matter
+        axis = AXES[at]
+        digits.refuse_lone(motion.samples[:, at] / _unit(columns[axis]), axis, step)
     digits.refuse_unresolved(motion.samples, step)
 
 

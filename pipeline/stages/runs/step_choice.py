@@ -107,9 +107,8 @@ def make(
     for name, field in _CHOSEN.items():
         dataset[name] = ("friction", [float(getattr(choice, field)) for choice in choices])
     dataset["within_tolerance"] *= np.array([one.within for one in errors])
-    every = [_shift(dataset.isel(friction=at)) for at in range(dataset.sizes["friction"])]
-    dataset["boundary_shift"] = ("friction", every)
-    dataset = dataset.assign(variables(errors))
+    shift = [_shift(dataset.isel(friction=at)) for at in range(len(choices))]
+    dataset = dataset.assign(variables(errors), boundary_shift=("friction", shift))
     files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
     return Product(files, _summary(choices) + told(errors), warning=warning(choices, errors))
 
@@ -117,8 +116,8 @@ def make(
 def _given(work: Work, scenes: Scenes, time_step: float) -> Product:
     """A step that is given, whose error of the boundary is not measured."""
     frictions = scenes.settings.contact.friction
-    names = (*_CHOSEN, "boundary_shift")
-    chosen = {name: ("friction", np.full(len(frictions), math.nan)) for name in names}
+    unknown = ("friction", np.full(len(frictions), math.nan))
+    chosen = dict.fromkeys((*_CHOSEN, "boundary_shift"), unknown)
     chosen["time_step"] = ("friction", np.full(len(frictions), time_step))
     with closing(RunStore(work.runs, StepRow)) as database:
         look = partial(measured, work, database)
@@ -204,8 +203,8 @@ def _place(measured: xr.Dataset) -> int:
 
 def _shift(measured: xr.Dataset) -> float:
     """How far four rows in five have moved their boundary at most at the step of one friction."""
-    toppled = measured["row_displaced"].values == Boundary.TOPPLED
-    return ladder.kept_shift(measured["row_shift"].values[toppled, _place(measured)])
+    shift = measured["row_shift"].values[:, _place(measured)]
+    return ladder.kept_shift(shift[measured["row_displaced"].values == Boundary.TOPPLED])
 
 
 def step_for(measured: xr.Dataset, error: float) -> float | None:

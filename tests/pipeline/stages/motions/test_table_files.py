@@ -178,6 +178,17 @@ def test_what_is_not_on_the_way_is_no_motion(away: float, out: slice, tmp_path: 
         load(path)
 
 
+SWAY = np.round(3.0 * np.sin(np.pi * FREQUENT / 3.0) ** 4)  # micrometres
+LONE = 1e-6 * (FREQUENT[150] == FREQUENT)
+
+
+@pytest.mark.parametrize("sway", [SWAY, LONE])
+def test_an_axis_that_hardly_moves_is_no_matter(sway: np.ndarray, tmp_path: Path) -> None:
+    """It steps far off its way in its last digits, which is little beside what shakes."""
+    path, header = tmp_path / "table.csv", "time [s],x [mm],y [mm]"
+    load(write(path, header, FREQUENT, 1e3 * PULSE, 1e-3 * sway))
+
+
 @pytest.mark.parametrize("every", [3, 10, 17])
 @pytest.mark.parametrize("axis", ["x [mm]", "yaw [mrad]"])
 def test_what_a_tracker_loses_again_and_again_is_no_motion(
