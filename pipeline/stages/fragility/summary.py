@@ -197,9 +197,10 @@ def time_steps(measured: xr.Dataset) -> list[dict[str, Any]]:
         ``ground`` is what the rock stood on there. With ``others``, the errors of what
         ``simulation.accurate`` names besides the boundary.
     """
-    names = ["time_step", "boundary_error", "boundary_error_worst", "displaced_error"]
-    names.append("boundary_shift")
-    rows: list[Any] = measured[names].to_dataframe().reset_index().to_dict("records")
+    names = ["boundary_error", "boundary_error_worst", "boundary_shift", "displaced_error"]
+    rows: list[Any] = (
+        measured[["time_step", *names]].to_dataframe().reset_index().to_dict("records")
+    )
     for at, row in enumerate(rows):
         row["others"] = [
             {"what": what, **{end: float(measured[f"{name}_error_{end}"][at]) for end in ENDS}}

@@ -81,6 +81,16 @@ def test_each_product_is_listed_with_what_its_page_says(results: Path) -> None:
     assert Image.open(io.BytesIO(base64.b64decode(shown[1]))).size == (320, 107)
 
 
+def test_an_error_without_the_shift_beside_it_is_told_as_it_is(results: Path) -> None:
+    """As products have it that were made before there was one."""
+    alone = xr.Dataset({"boundary_error": ("friction", [0.0034])})
+    with Store(results / "older") as store:
+        store.open()
+        facts = {"key": "k", "facts": {}, "unresolved": 0, "retry": 0}
+        store.publish("responses", facts, {"responses.nc": netcdf(alone)})
+    assert "Numerical error of the boundary: 0.34 %." in index(results)
+
+
 def test_a_dataset_that_lacks_what_is_asked_for_is_listed_all_the_same(results: Path) -> None:
     facts = {"key": "k", "facts": {}, "unresolved": 0, "retry": 0}
     with Store(results / "older") as store:
