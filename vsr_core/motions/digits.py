@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -65,7 +64,10 @@ def refuse_mark(values: Array, name: str, step: float) -> None:
     ------
     InvalidInput
     """
-    for extreme, start, away in _extremes(values):
+    for extreme in (float(values.max()), float(values.min())):
+        start, length = runs(values == extreme)[0]
+        steps = np.abs(np.diff(values[max(start - 1, 0) : start + length + 1]))
+        away = float(steps[steps > 0.0].min(initial=math.inf))
         written = (f"{extreme:.12g}", f"{extreme:.6g}")  # the latter of single precision
         if away > 0.5 * abs(extreme) and (number := next(filter(_MARK.fullmatch, written), "")):
             given = f"{number} ({name}) at {start * step:.4g} s"
@@ -123,14 +125,6 @@ def refuse_unresolved(positions: Array, step: float) -> None:
         )
         rule = f"it makes {_RESOLVED:g} times as much at most"
         raise InvalidInput(given, rule, "leave out or fill what is wrong, or sample it more often")
-
-
-def _extremes(values: Array) -> Iterator[tuple[float, int, float]]:
-    """The highest and the lowest value, where it first is, and how far what is beside it is."""
-    for extreme in (float(values.max()), float(values.min())):
-        start, length = runs(values == extreme)[0]
-        steps = np.abs(np.diff(values[max(start - 1, 0) : start + length + 1]))
-        yield extreme, start, float(steps[steps > 0.0].min(initial=math.inf))
 
 
 def noise(values: Array) -> float:
