@@ -72,7 +72,7 @@ class RockConfig(Section):
         1.0,
         ge=1e-6,
         le=1e6,
-        description="length of the mesh file's unit [m]; a surrogate, in metres, is scaled, too",
+        description="length of the mesh file's unit, by which a surrogate is scaled, too [m]",
     )
     closing: Literal["caps", "hull", "poisson"] = Field(
         "caps", description="method to close the underside, which a scan does not see"
