@@ -88,10 +88,11 @@ def refuse_lone(values: Array, name: str, step: float) -> None:
     """
     bend, fourth = np.diff(values, 2)[1:-1], np.diff(values, 4)
     size = np.abs(bend)
-    at, strong = int(size.argmax()), size > 0.7 * size.max()
-    sharp = (-fourth[strong] / bend[strong]).max(initial=0.0) > 3.0 * _SHARP
+    sharp = (size > 0.7 * size.max()) & (-fourth * np.sign(bend) > 3.0 * _SHARP * size)
+    at = int((size * sharp).argmax())
     beside = np.concatenate([size[max(at - 20, 0) : max(at - 4, 0)], size[at + 5 : at + 21]])
-    if sharp and size[at] > _LONE * beside[beside < 0.5 * size[at]].max(initial=0.0):
+    others = beside[beside < 0.5 * size[at]]  # without the end of what is left out there
+    if sharp[at] and 2 * len(others) > len(beside) and size[at] > _LONE * others.max():
         first = max(at - 1, 0)
         near = values[first : at + 6]
         off = int(np.abs(near - np.linspace(near[0], near[-1], len(near))).argmax())

@@ -178,6 +178,20 @@ def test_what_is_not_on_the_way_is_no_motion(away: float, out: slice, tmp_path: 
         load(path)
 
 
+def test_the_sample_that_is_off_is_named_and_no_other(tmp_path: Path) -> None:
+    """It bends the way a little less than the swing does, five times as long after it."""
+    time = np.arange(0.0, 10.0, 0.002)
+    way = 60.0 * np.exp(-((time - 5.0) ** 2)) * np.cos(2.0 * np.pi * (time - 5.0))
+    peak = np.abs(np.diff(way, 2)).max()
+    off = int(np.abs(time - 2.0).argmin())
+    way[off] += 0.45 * peak
+    path = write(tmp_path / "table.csv", "time [s],x [mm]", time, way)
+    with pytest.raises(InvalidInput, match=r"\(x\) at 2 s, far from what is beside it"):
+        load(path)
+    smooth = 60.0 * np.exp(-((time - 5.0) ** 2)) * np.cos(2.0 * np.pi * (time - 5.0))
+    load(write(path, "time [s],x [mm]", time, smooth))
+
+
 SWAY = np.round(3.0 * np.sin(np.pi * FREQUENT / 3.0) ** 4)  # micrometres
 LONE = 1e-6 * (FREQUENT[150] == FREQUENT)
 
