@@ -1,4 +1,4 @@
-"""What the digits tell in which numbers are written: how exact they are, and that one is none."""
+"""How exact the numbers of a file are, and which of them are no samples of a motion."""
 
 from __future__ import annotations
 

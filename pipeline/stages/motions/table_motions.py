@@ -152,6 +152,7 @@ def load(path: Path) -> SampledMotion:
     ]
     motion = sampled(time, np.column_stack(axes))
     _check_noise(motion, columns)
+    _check_way(motion, columns)
     return motion
 
 
@@ -183,7 +184,7 @@ def _check_names(file: str, columns: Columns, known: tuple[str, ...]) -> None:
 
 
 def _check_noise(motion: SampledMotion, columns: Columns) -> None:
-    """No sample far from all others, and no acceleration that rounding or noise make by themselves.
+    """No acceleration that rounding or noise make by themselves.
 
     Angles count by the way of a point one metre away.
     """
@@ -206,12 +207,14 @@ def _check_noise(motion: SampledMotion, columns: Columns) -> None:
             given = f"positions {what} up to {share:.0%} of the PGA"
             remedy = "write them with more digits, or filter and thin them out"
             raise InvalidInput(given, f"it is {most:.0%} at most", remedy)
+
+
+def _check_way(motion: SampledMotion, columns: Columns) -> None:
+    """No sample or step off its way, on any axis that the others do not drown."""
+    step = motion.duration / (len(motion.time) - 1)
     bend = np.abs(np.diff(motion.samples, 2, axis=0)).max(axis=0)
-    for at in np.flatnonzero(
-        bend > MOST_ROUNDED * bend.max()
-    ):  # what the others drown is no matter
-        axis = AXES[at]
-        digits.refuse_lone(motion.samples[:, at] / _unit(columns[axis]), axis, step)
+    for at in np.flatnonzero(bend > MOST_ROUNDED * bend.max()):
+        digits.refuse_lone(motion.samples[:, at] / _unit(columns[AXES[at]]), AXES[at], step)
     digits.refuse_unresolved(motion.samples, step)
 
 
