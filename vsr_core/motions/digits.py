@@ -6,6 +6,7 @@ import math
 import re
 
 import numpy as np
+from scipy.ndimage import maximum_filter
 
 from vsr_core.arrays import Array, Mask
 from vsr_core.errors import InvalidInput
@@ -73,6 +74,25 @@ def refuse_mark(values: Array, name: str, step: float) -> None:
             given = f"{number} ({name}) at {start * step:.4g} s"
             rule = "no mark of a missing sample stands among the numbers"
             raise InvalidInput(given, rule, "leave out what is missing, or fill it")
+
+
+def refuse_spike(values: Array, name: str, step: float) -> None:
+    """Refuse a lone sample of an acceleration far beyond those beside it.
+
+    Of 490 recorded shake-table motions no peak is 5 times as large as the 20 samples before it and
+    after it, at 25 to 200 Hz.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    size = np.abs(values - np.median(values))
+    beside = maximum_filter(size, footprint=np.arange(41) != 20, mode="constant")
+    lone = np.flatnonzero((size > _LONE * beside) & (size > 0.5 * size.max()))
+    if len(lone):
+        at = int(lone[0])
+        given = f"{values[at]:.6g} ({name}) at {at * step:.4g} s, far beyond what is beside it"
+        raise InvalidInput(given, "a peak is of several samples", "leave it out, or fill it")
 
 
 def refuse_lone(values: Array, name: str, step: float) -> None:

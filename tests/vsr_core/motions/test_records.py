@@ -668,6 +668,20 @@ def test_a_peak_that_happens_to_be_all_nines_is_one() -> None:
     assert repaired(one) is one
 
 
+@pytest.mark.parametrize("places", [[0], [100], [37, 251], [399]])
+@pytest.mark.parametrize("times", [-6.0, 6.0, 20.0])
+def test_a_lone_sample_far_beyond_the_others_is_none(places: list[int], times: float) -> None:
+    spiked = 0.1 * VALUES
+    spiked[places] = times * np.abs(spiked).max()
+    refusal(lambda: repaired(record(spiked)), f"at {places[0] * STEP:g} s", "leave it out")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_shakes_as_fast_as_it_is_sampled_is_no_spike(seed: int) -> None:
+    noise = record(np.random.default_rng(seed).normal(size=400))
+    assert repaired(noise) is noise
+
+
 def test_a_smooth_top_of_rounded_samples_is_no_clipping() -> None:
     t = np.arange(4000) * 0.001
     smooth = np.round(np.cos(2.0 * np.pi * t), 4)  # five in a row at the very top

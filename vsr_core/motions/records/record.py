@@ -261,7 +261,9 @@ def repaired(record: Record) -> Record:
     if not len(values) or np.ptp(values) == 0.0:
         raise InvalidInput("a record whose samples are all alike", "it moves", "use another record")
     if is_acceleration(record.unit):
-        digits.refuse_mark(values / factor(record.unit), record.unit, record.interval)
+        read = (values / factor(record.unit), record.unit, record.interval)
+        digits.refuse_mark(*read)
+        digits.refuse_spike(*read)
     clipped = _flat_top(values)
     if clipped:
         given = f"{clipped} samples in a row at the record's extreme"
