@@ -108,7 +108,7 @@ def make(
         dataset[name] = ("friction", [float(getattr(choice, field)) for choice in choices])
     dataset["within_tolerance"] *= np.array([one.within for one in errors])
     shift = [_shift(dataset.isel(friction=at)) for at in range(len(choices))]
-    dataset = dataset.assign(variables(errors), boundary_shift=("friction", shift))
+    dataset = dataset.assign(variables(errors) | {"boundary_shift": ("friction", shift)})
     files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
     return Product(files, _summary(choices) + told(errors), warning=warning(choices, errors))
 
