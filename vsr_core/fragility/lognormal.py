@@ -8,12 +8,15 @@ from scipy.special import log_ndtr, ndtr, ndtri
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.fragility.bisection import OUTWARD
 from vsr_core.fragility.boundary import Cells
-from vsr_core.fragility.model import Evaluate, FragilityModel, maxima, maximise
+from vsr_core.fragility.model import Evaluate, FragilityModel, maximise
 from vsr_core.fragility.spans import STEP, Thresholds, in_reach
 
 MAX_BETA = 2.0
 """Largest beta: P then rises from 2.5 % to 97.5 % over a factor 2500 in PGA. A row that exceeds it
 does not order its outcomes by PGA."""
+
+SLOPES = 41
+"""Slopes at which the likelihood of a row is known."""
 
 STATUS = ("probit", "interval", "above", "below", "flat", "undecided")
 """How a row was decided, see `LognormalFragility`."""
@@ -64,12 +67,10 @@ class LognormalFragility(FragilityModel):
         # the interval of ln theta; for overlapping rows filled in below
         low, high = (np.array(side) for side in list(zip(*rows, strict=True))[1:])
         ln_theta, ln_beta = (low + high) / 2, np.log((high - low) / np.sqrt(12.0))
-        self._errors = np.zeros((len(rows), 2))  # standard, of ln theta and ln beta
-        overlap = np.flatnonzero(status == "probit")
+        self._overlap = overlap = np.flatnonzero(status == "probit")
         if overlap.size:
-            fitted = self._probit(overlap)
-            ln_theta[overlap], ln_beta[overlap], self._errors[overlap], flat = fitted
-            status[overlap[flat]] = "flat"
+            ln_theta[overlap], ln_beta[overlap], self._slopes = self._probit(overlap)
+            status[overlap[ln_beta[overlap] == np.log(MAX_BETA)]] = "flat"
         self._ends = low, high
         self._half_width = np.where(status == "interval", (high - low) / 2, 0.0)
         self._row_values = np.stack([ln_theta, ln_beta], axis=1)
@@ -94,14 +95,14 @@ class LognormalFragility(FragilityModel):
     def resample(self, row_weights: Array, rng: np.random.Generator) -> Array:
         """Each row drawn from what it leaves open; what is resampled fills rows without a verdict.
 
-        Ln theta is uniform on the row's interval, or normal with the standard error of its fit, as
-        is ln beta. Others are filled by rows with both outcomes: theta of others is an assumption.
+        Ln theta is uniform on the row's interval, or with ln beta as likely as the row's outcomes
+        make it. Others are filled by rows with both outcomes: theta of others is an assumption.
         """
         shape = row_weights.shape
         values = np.repeat(self._row_values[None], len(row_weights), axis=0)
         values[..., 0] += self._half_width * rng.uniform(-1.0, 1.0, shape)
-        values += self._errors * rng.standard_normal((*shape, 2))
-        values[..., 1] = np.minimum(values[..., 1], np.log(MAX_BETA))
+        if self._overlap.size:
+            values[:, self._overlap] = self._likely(len(row_weights), rng)
         for member, weights in zip(values, row_weights, strict=True):
             kept = self._sources & (weights > 0)
             self._fill(member, ~self._decided, kept if kept.any() else self._sources)
@@ -190,11 +191,14 @@ class LognormalFragility(FragilityModel):
             high = high if np.isnan(low) else np.fmax(high, last)
         return ("below", high - further, high) if np.isnan(low) else ("interval", low, high)
 
-    def _probit(self, rows: Indices) -> tuple[Array, Array, Array, Mask]:
-        """Maximum likelihood of the given rows: ln theta, ln beta, their errors, flat."""
-        ln_pga = self.cells.ln_pga
-        centre = ln_pga.mean()
-        centred = ln_pga - centre
+    def _probit(self, rows: Indices) -> tuple[Array, Array, Array]:
+        """Maximum likelihood of the given rows: ln theta, ln beta, and slopes to draw from.
+
+        The latter, shape (rows, `SLOPES`), reach over six standard errors of ln slope to either
+        side, but to no beta beyond `MAX_BETA` or below that of an interval of one cell.
+        """
+        centre = self.cells.ln_pga.mean()
+        centred = self.cells.ln_pga - centre
         toppled, trials = self._own.toppled[rows], self._own.trials[rows]
         slope = np.full(len(rows), 1.0 / MAX_BETA)
         both = np.column_stack([np.ones(centred.size), centred])
@@ -203,21 +207,51 @@ class LognormalFragility(FragilityModel):
             np.column_stack([np.zeros(len(rows)), slope]),
         )
         flat = ~converged | (free[:, 1] < slope)
-        level = maxima(
-            probit_likelihood(both[:, :1], slope[:, None] * centred, toppled, trials),
-            np.zeros((len(rows), 1)),
-            tolerance=1e-8,
-        )
-        b0, b1 = np.where(flat, level[:, 0], free[:, 0]), np.where(flat, slope, free[:, 1])
+        b0, b1 = free.T
+        b0[flat], b1[flat] = self._levels(rows[flat], slope[flat, None])[0][:, 0], slope[flat]
         weight = _information(b0[:, None] + b1[:, None] * centred, trials)[0]
-        # delta method from the weighted mean, where both coefficients are told apart: ln theta =
-        # mean - level/b1, ln beta = -ln b1; a flat row's slope is not estimated
-        total = weight.sum(axis=1)
-        mean = weight @ centred / total
+        mean = (weight @ centred) / weight.sum(axis=1)
         spread = (weight * (centred - mean[:, None]) ** 2).sum(axis=1)
-        of_slope = np.where(flat, 0.0, 1.0 / (spread * b1**2))
-        variance = [1.0 / (total * b1**2) + (b0 / b1 + mean) ** 2 * of_slope, of_slope]
-        return centre - b0 / b1, -np.log(b1), np.sqrt(variance).T, flat
+        reach = np.where(flat, 0.0, 6.0 / (np.sqrt(spread) * b1))
+        cell = np.diff(self.cells.ln_pga).min(initial=np.log(2.0))
+        steepest = np.maximum(b1, np.sqrt(12.0) / cell)
+        ends = np.clip(np.log(b1) + np.stack([-reach, reach]), np.log(slope), np.log(steepest))
+        slopes = np.exp(np.linspace(ends[0], ends[1], SLOPES, axis=-1))
+        return centre - b0 / b1, np.where(flat, np.log(MAX_BETA), -np.log(b1)), slopes
+
+    def _levels(self, rows: Indices, slopes: Array) -> tuple[Array, Array, Array]:
+        """The most likely level at each slope, shape (rows, n), its standard error, and how likely.
+
+        P = Phi(level + slope (ln PGA - its mean)).
+        """
+        ln_pga, times = self.cells.ln_pga, slopes.shape[1]
+        toppled, trials = (
+            np.repeat(part[rows], times, axis=0) for part in (self._own.toppled, self._own.trials)
+        )
+        offset = slopes.reshape(-1, 1) * (ln_pga - ln_pga.mean())
+        fits = probit_likelihood(np.ones((ln_pga.size, 1)), offset, toppled, trials)
+        # of a steep one it may go to and fro by 1e-4
+        level, _ = maximise(fits, np.zeros((len(offset), 1)))
+        error = 1.0 / np.sqrt(_information(level + offset, trials)[0].sum(axis=1))
+        value = fits(level, np.arange(len(level)))[0]
+        return level.reshape(slopes.shape), error.reshape(slopes.shape), value.reshape(slopes.shape)
+
+    def _likely(self, count: int, rng: np.random.Generator) -> Array:
+        """Draws of ln theta and ln beta of rows that overlap, shape (count, rows, 2).
+
+        From the likelihood as it is over ln slope, and normal over the level at each slope.
+        """
+        drawn = np.empty((count, self._overlap.size, 2))
+        fits = zip(self._slopes, *self._levels(self._overlap, self._slopes), strict=True)
+        for row, (slopes, levels, errors, value) in enumerate(fits):
+            share = np.cumsum(np.exp(value - value.max()) * errors / slopes)
+            slope = np.interp(rng.random(count), share / share[-1], slopes)
+            error = np.interp(slope, slopes, errors) * rng.standard_normal(count)
+            level = np.interp(slope, slopes, levels) + error
+            drawn[:, row] = np.column_stack(
+                [self.cells.ln_pga.mean() - level / slope, -np.log(slope)]
+            )
+        return drawn
 
 
 def _means(places: Array, values: Array) -> tuple[Array, Array]:
