@@ -24,8 +24,8 @@ they leave is told from a jump of the acceleration."""
 _SHARP, _LONE = 0.75, 5.0
 """Share of what a lone value has, and times what is around, from which on a bend is none."""
 
-_RESOLVED = 3.0
-"""Most of the PGA of every second sample that all of them make."""
+_REST = 8
+"""Samples of rest before and after a motion."""
 
 _NORMAL = 0.6745
 """Median of a normal variable's size, in standard deviations."""
@@ -95,8 +95,8 @@ def refuse_spike(values: Array, name: str, step: float) -> None:
         raise InvalidInput(given, "a peak is of several samples", "leave it out, or fill it")
 
 
-def refuse_lone(values: Array, name: str, step: float) -> None:
-    """Refuse a position, or a step between two, that is not on the way of a motion.
+def refuse_lone(values: Array, name: str, times: Array) -> None:
+    """Refuse a position, or a step between two, that is off the way of a motion from rest to rest.
 
     Where it bends most, a sine of p samples a period has fourth differences of 4 sin^2(pi/p) times
     its second ones; about a lone value, and a step, they are three times as large. Of 490 recorded
@@ -106,46 +106,21 @@ def refuse_lone(values: Array, name: str, step: float) -> None:
     ------
     InvalidInput
     """
-    bend, fourth = np.diff(values, 2)[1:-1], np.diff(values, 4)
+    way = np.pad(values, _REST, mode="edge")
+    bend, fourth = np.diff(way, 2)[1:-1], np.diff(way, 4)
     size = np.abs(bend)
     sharp = (size > 0.7 * size.max()) & (-fourth * np.sign(bend) > 3.0 * _SHARP * size)
     at = int((size * sharp).argmax())
     beside = np.concatenate([size[max(at - 20, 0) : max(at - 4, 0)], size[at + 5 : at + 21]])
     others = beside[beside < 0.5 * size[at]]  # without the end of what is left out there
     if sharp[at] and 2 * len(others) > len(beside) and size[at] > _LONE * others.max():
-        first = max(at - 1, 0)
-        near = values[first : at + 6]
-        off = int(np.abs(near - np.linspace(near[0], near[-1], len(near))).argmax())
-        place = f"{near[off]:.10g} ({name}) at {(first + off) * step:.4g} s"
-        given = f"{place}, far from what is beside it"
+        near = np.clip(np.arange(at - 2, at + 7), 0, len(way) - 1)  # the middle one bends most
+        sides = [0, 1, 7, 8]
+        smooth = np.polyval(np.polyfit(sides, way[near[sides]], 2), np.arange(9))
+        off = int(near[2 + np.abs(way[near] - smooth)[2:7].argmax()]) - _REST
+        off = min(max(off, 0), len(values) - 1)
+        given = f"{values[off]:.10g} ({name}) at {times[off]:.6g} s, far from what is beside it"
         raise InvalidInput(given, "a motion goes there and back", "leave it out, or fill it")
-
-
-def refuse_unresolved(positions: Array, step: float) -> None:
-    """Refuse positions that shake much harder than every second one of them does.
-
-    A sine of p samples a period does so by 1/cos^2(pi/p), which is 2 for four; lone samples, steps
-    and noise by some 4. Of the accelerations of 490 shake-table tests, integrated to positions at
-    50 to 200 Hz, none does by more than 2.1, and 1 % at 25 Hz by more than 3.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (n, 6) [m and rad], where angles count as at 1 m
-
-    Raises
-    ------
-    InvalidInput
-    """
-    every = np.linalg.norm(np.diff(positions, 2, axis=0), axis=1)
-    apart = positions[4:] - 2.0 * positions[2:-2] + positions[:-4]
-    second = np.linalg.norm(apart, axis=1).max(initial=0.0) / 4.0
-    if every.max() > _RESOLVED * second:
-        given = f"positions that go to and fro at {(int(every.argmax()) + 1) * step:.4g} s"
-        given += (
-            f", which makes {every.max() / max(second, 1e-300):.2g} times the PGA of every other"
-        )
-        rule = f"it makes {_RESOLVED:g} times as much at most"
-        raise InvalidInput(given, rule, "leave out or fill what is wrong, or sample it more often")
 
 
 def noise(values: Array) -> float:

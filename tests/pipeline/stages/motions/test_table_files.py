@@ -178,6 +178,35 @@ def test_what_is_not_on_the_way_is_no_motion(away: float, out: slice, tmp_path: 
         load(path)
 
 
+@pytest.mark.parametrize("rate", [100, 200, 500, 1000])
+@pytest.mark.parametrize("share", [0.0, 1e-3, 0.25, 0.29, 1.0])
+def test_one_sample_makes_no_pga(rate: int, share: float, tmp_path: Path) -> None:
+    """Any sample, the first and the last ones, too: what passes shakes as hard as all others."""
+    time = np.arange(0.0, 4.0 + 0.5 / rate, 1.0 / rate)
+    way = 30.0 * np.sin(np.pi * np.clip(time - 1.0, 0.0, 2.0)) ** 4
+    pga, path = 0.03 * 8.0 * np.pi**2, tmp_path / "table.csv"
+    assert load(write(path, "time [s],x [mm]", time, way)).peak_acceleration < 1.01 * pga
+    taken = 0
+    for off in np.geomspace(1e-4, 3.0, 12):
+        other = way.copy()
+        other[round(share * (len(way) - 1))] += off
+        write(path, "time [s],x [mm]", time, other)
+        try:
+            assert load(path).peak_acceleration < 2.6 * pga
+            taken += 1
+        except InvalidInput:
+            pass
+    assert 0 < taken < 12
+
+
+def test_times_are_those_of_the_file(tmp_path: Path) -> None:
+    way = 20.0 * np.sin(np.pi * FREQUENT / FREQUENT[-1]) ** 4 * np.sin(4.0 * np.pi * FREQUENT)
+    way[150] += 10.0
+    path = write(tmp_path / "table.csv", "time [s],x [mm]", 100.0 + FREQUENT, way)
+    with pytest.raises(InvalidInput, match=rf"\(x\) at {100.0 + FREQUENT[150]:g} s, far"):
+        load(path)
+
+
 def test_the_sample_that_is_off_is_named_and_no_other(tmp_path: Path) -> None:
     """It bends the way a little less than the swing does, five times as long after it."""
     time = np.arange(0.0, 10.0, 0.002)
@@ -214,7 +243,7 @@ def test_what_a_tracker_loses_again_and_again_is_no_motion(
     load(path)
     way[::every] = 0.0
     write(path, f"time [s],{axis}", FREQUENT, way)
-    with pytest.raises(InvalidInput, match=r"to and fro|far from what is beside"):
+    with pytest.raises(InvalidInput, match=r"every second sample|to and fro|far from what"):
         load(path)
 
 
