@@ -93,7 +93,7 @@ def halved(
 
 
 def first_boundary(topples: Topples, levels: Iterable[float], halvings: int) -> Bracket:
-    """Find the lowest boundary: go up until the rock topples, then halve.
+    """Go up until the rock topples, then halve. A band of toppling between levels is passed over.
 
     Parameters
     ----------

@@ -27,6 +27,7 @@ from pipeline.stages.runs.quantity_errors import (
     known,
     measured,
     settled,
+    steps_told,
     told,
     variables,
     warning,
@@ -107,10 +108,11 @@ def make(
     for name, field in _CHOSEN.items():
         dataset[name] = ("friction", [float(getattr(choice, field)) for choice in choices])
     dataset["within_tolerance"] *= np.array([one.within for one in errors])
-    shift = [_shift(dataset.isel(friction=at)) for at in range(len(choices))]
-    dataset = dataset.assign(variables(errors) | {"boundary_shift": ("friction", shift)})
+    shifts = [_shift(dataset.isel(friction=at)) for at in range(len(choices))]
+    dataset = dataset.assign(variables(errors) | {"boundary_shift": ("friction", shifts)})
     files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
-    return Product(files, _summary(choices) + told(errors), warning=warning(choices, errors))
+    summary = steps_told(choices, shifts) + told(errors)
+    return Product(files, summary, warning=warning(choices, errors))
 
 
 def _given(work: Work, scenes: Scenes, time_step: float) -> Product:
@@ -384,17 +386,3 @@ def _choice(dataset: xr.Dataset, tolerance: float, most: float = math.inf) -> Ch
     unit, longest = (float(dataset.attrs[name]) for name in ("step_unit_s", "longest_step_s"))
     toppled, displaced = map(front, (Boundary.TOPPLED, Boundary.DISPLACED))
     return ladder.choose(toppled, displaced, tolerance, unit, min(longest, most * 0.01 / tolerance))
-
-
-def _summary(choices: Sequence[Choice]) -> str:
-    return "time step " + "; ".join(sorted({_told(choice) for choice in choices}))
-
-
-def _told(choice: Choice) -> str:
-    parts = [f"{1e3 * choice.time_step:.3g} ms"]
-    if not math.isnan(choice.error):
-        worst = f"{choice.worst:.2%} at the worst PGV/PGA level"
-        parts.append(f"error of the boundary {choice.error:.2%}, {worst}")
-    if not math.isnan(choice.displaced):
-        parts.append(f"error of the boundary of sliding {choice.displaced:.2%}")
-    return ", ".join(parts) if len(parts) > 1 else f"{parts[0]}, the finest"

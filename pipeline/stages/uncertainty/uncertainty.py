@@ -104,7 +104,8 @@ def make(
     dataset = _dataset(wanted, found)
     shares = _shares(draws, known, base, found.known, weighed=bool(observed))
     dataset = dataset.merge(_indices(shares, draws, known, base))
-    dataset["boundary_error"] = ((), float(own_edge["boundary_error"]))
+    for name in ("boundary_error", "boundary_shift"):
+        dataset[name] = ((), float(own_edge[name]))
     dataset = dataset.assign(_of_step(step))
     dataset = described(dataset, work, "Overturning with its uncertainty")
     drawn = {

@@ -91,6 +91,7 @@ def make(
         "made": waves.name == drive_runs.ROUGH,
         "motion": waves.name,
         "tried": motion.pga[-1],
+        "levels": drive_runs.LEVELS,
         "mass": scenes.rock.mass,
         "table_mass": drives[-1].servo.mass if drives[-1].servo else math.nan,
         "shift": _shift(dataset),
