@@ -167,7 +167,7 @@ coverage: setup-dev ## the same tests, in half as much time again, and which lin
 	$(call run,pytest -n auto --dist loadfile --cov --cov-report=term:skip-covered)
 
 test-slow: setup-dev ## tests that take many minutes
-	$(call run,pytest -m slow)
+	$(call run,pytest -m slow -n auto --dist loadfile)
 
 mutants: setup-dev ## which of some 100 faults, put in one by one, the tests notice; an hour
 	$(call run,scripts.mutants)

@@ -292,6 +292,7 @@ def probit_likelihood(design: Array, offset: Array, toppled: Array, trials: Arra
         information, rise, fall = _information(eta, trials[which])
         score = (fell * rise - balanced * fall) @ design
         fisher = np.einsum("ri,ij,ik->rjk", information, design, design)
+        fisher[np.abs(fisher) < 1e-290] = 0.0  # the inverse of what is less is no number
         return value, np.einsum("rij,rj->ri", np.linalg.pinv(fisher, hermitian=True), score)
 
     return evaluate
