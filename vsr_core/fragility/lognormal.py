@@ -208,7 +208,8 @@ class LognormalFragility(FragilityModel):
         )
         flat = ~converged | (free[:, 1] < slope)
         b0, b1 = free.T
-        b0[flat], b1[flat] = self._levels(rows[flat], slope[flat, None])[0][:, 0], slope[flat]
+        level = self._levels(rows[flat], slope[flat, None], np.zeros((flat.sum(), 1)))[0]
+        b0[flat], b1[flat] = level[:, 0], slope[flat]
         weight = _information(b0[:, None] + b1[:, None] * centred, trials)[0]
         mean = (weight @ centred) / weight.sum(axis=1)
         spread = (weight * (centred - mean[:, None]) ** 2).sum(axis=1)
@@ -219,10 +220,11 @@ class LognormalFragility(FragilityModel):
         slopes = np.exp(np.linspace(ends[0], ends[1], SLOPES, axis=-1))
         return centre - b0 / b1, np.where(flat, np.log(MAX_BETA), -np.log(b1)), slopes
 
-    def _levels(self, rows: Indices, slopes: Array) -> tuple[Array, Array, Array]:
+    def _levels(self, rows: Indices, slopes: Array, near: Array) -> tuple[Array, Array, Array]:
         """The most likely level at each slope, shape (rows, n), its standard error, and how likely.
 
-        P = Phi(level + slope (ln PGA - its mean)).
+        P = Phi(level + slope (ln PGA - its mean)). It is looked for from levels near it, and known
+        to within the span of the PGA at least.
         """
         ln_pga, times = self.cells.ln_pga, slopes.shape[1]
         toppled, trials = (
@@ -231,8 +233,10 @@ class LognormalFragility(FragilityModel):
         offset = slopes.reshape(-1, 1) * (ln_pga - ln_pga.mean())
         fits = probit_likelihood(np.ones((ln_pga.size, 1)), offset, toppled, trials)
         # of a steep one it may go to and fro by 1e-4
-        level, _ = maximise(fits, np.zeros((len(offset), 1)))
-        error = 1.0 / np.sqrt(_information(level + offset, trials)[0].sum(axis=1))
+        level, _ = maximise(fits, near.reshape(-1, 1))
+        most = 1.25 + np.ptp(offset, axis=1) / np.sqrt(12.0)
+        information = _information(level + offset, trials)[0].sum(axis=1)
+        error = 1.0 / np.sqrt(np.maximum(information, most**-2))
         value = fits(level, np.arange(len(level)))[0]
         return level.reshape(slopes.shape), error.reshape(slopes.shape), value.reshape(slopes.shape)
 
@@ -242,7 +246,9 @@ class LognormalFragility(FragilityModel):
         From the likelihood as it is over ln slope, and normal over the level at each slope.
         """
         drawn = np.empty((count, self._overlap.size, 2))
-        fits = zip(self._slopes, *self._levels(self._overlap, self._slopes), strict=True)
+        theta = self._row_values[self._overlap, :1] - self.cells.ln_pga.mean()
+        found = self._levels(self._overlap, self._slopes, -theta * self._slopes)
+        fits = zip(self._slopes, *found, strict=True)
         for row, (slopes, levels, errors, value) in enumerate(fits):
             share = np.cumsum(np.exp(value - value.max()) * errors / slopes)
             slope = np.interp(rng.random(count), share / share[-1], slopes)

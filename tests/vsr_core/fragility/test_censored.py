@@ -485,3 +485,18 @@ def test_draws_of_a_row_are_where_its_runs_let_theta_and_beta_be(beta: float, se
         ends = np.interp([0.025, 0.975], np.cumsum(share) / share.sum(), at)
         off = np.abs(np.quantile(drawn, [0.025, 0.975]) - ends) / np.ptp(ends)
         assert off.max() < 0.1  # the level is drawn as normal
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("other", [0.3, 1.0, 3.5])
+def test_draws_of_a_row_hang_on_no_row_beside_it(other: float) -> None:
+    """Steep slopes put all other PGAs far beyond what the normal distribution tells apart."""
+    pga = np.array([0.05, 0.1, 0.12, 0.125, 0.15, 0.17, 0.18, 0.25, 0.5, 1.0])
+    alone = Known.of(np.zeros(10, int), pga, [0, 0, 0, 1, 1, 0, 1, 1, 1, 1])
+    beside = alone.joined(np.ones(3, int), other * np.array([0.99, 1.01, 1.2]), [0, 1, 1])
+    ends = []
+    for known, rows in ((alone, 1), (beside, 2)):
+        model = LognormalFragility(shares(known, [0.1, 0.2][:rows]), thresholds(known, rows))
+        draws = model.resample(np.ones((20_000, rows)), np.random.default_rng(0))[:, 0]
+        ends.append(np.quantile(draws, [0.025, 0.975], axis=0))
+    np.testing.assert_allclose(*ends, atol=0.1)

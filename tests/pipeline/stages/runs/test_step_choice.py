@@ -99,14 +99,15 @@ def test_a_friction_more_keeps_what_was_measured_on_a_seat() -> None:
 def test_a_reference_is_told_in_g_and_a_tighter_tolerance_takes_a_shorter_step(
     write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path
 ) -> None:
-    """Housner's block of 0.25 m and 1 m; half the tolerance, at most half the longest step."""
-    site = write_site(GRID)
+    """Housner's block of 0.5 m and 1 m; half the tolerance, at most half the longest step."""
+    block = "rock: {shape: box, size: [1.0, 1.0, 2.0], density: 2110}"
+    site = write_site(block + GRID)
     assert vsr("run", "responses", "--site", site, "--workers", 0).code == 0
     made = read(derived / "rock" / step_choice.StepData.FILE).isel(friction=0)
     first = made.isel(row=0)
     assert (first["row_yaw"].item(), first["row_displaced"].item()) == (0.0, 0)
     exact = first_overturning_pga(
-        Block(0.25, 1.0), first["row_pgv_pga"].item(), 4.0 * GRAVITY, 0.005 * GRAVITY
+        Block(0.5, 1.0), first["row_pgv_pga"].item(), 4.0 * GRAVITY, 0.005 * GRAVITY
     )
     assert first["row_reference"].item() == pytest.approx(exact / GRAVITY, rel=1e-9)
     longest = made.attrs["longest_step_s"]
