@@ -1,4 +1,4 @@
-"""Errors of tilts, slips and travels at a time step: measured, stored, and the step they ask for.
+"""Errors of tilts, slips and travels at a time step: measured, stored, the step they ask for, told.
 
 A row is one direction and one time step: the errors of a sample of pulses, as
 ``vsr_core.run.quantities`` measures them. As the rows of the boundary it depends on no direction
