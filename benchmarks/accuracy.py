@@ -70,8 +70,10 @@ def _step(case: Case, tolerance: float) -> float:
     settings = Settings(1.0, engine=ENGINE)
     rows = [time_step.measure(case, r, settings) for r in time_step.periods(rock)]
     shares = load(ENGINE).LADDER.shares
-    error, steps = np.array([row.error for row in rows]), np.array([row.steps for row in rows])
-    toppled = time_step.front(shares, error, steps)
-    displaced = time_step.front(shares, error[:0], steps[:0])
+    columns = [
+        np.array([getattr(row, name) for row in rows]) for name in ("error", "shift", "steps")
+    ]
+    toppled = time_step.front(shares, *columns)
+    displaced = time_step.front(shares, *(column[:0] for column in columns))
     unit, most = time_step.step_unit(rock), time_step.longest(rock, ENGINE)
     return time_step.choose(toppled, displaced, tolerance, unit, most).time_step

@@ -22,7 +22,7 @@ class FragilityConfig(Section):
     resolution: Resolution = Field(
         "auto",
         description="relative width to which the overturning boundary is resolved; auto for 0.005, "
-        "or the numerical error of the time step where that is larger [1]",
+        "or what outcomes agree to at the time step, where that is larger [1]",
     )
     lowest: _Peak = Field(
         0.001, description="PGA down to which a boundary below the grid is looked for [g]"

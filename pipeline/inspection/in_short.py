@@ -64,7 +64,6 @@ def _boundary(fragility: xr.Dataset) -> tuple[str, str]:
 def _error(data: xr.Dataset) -> str:
     """The largest of all frictions; that of a given time step is not measured."""
     error, step = (np.atleast_1d(data[name].values) for name in ("boundary_error", "time_step"))
-    shift = np.atleast_1d(data.get("boundary_shift", data["boundary_error"]).values)
-    known = np.fmax(error, shift)[np.isfinite(error)]
+    known = error[np.isfinite(error)]
     said = f"{100.0 * known.max():.2g} %" if known.size else "not measured"
     return f"{said}, at a time step of {1e3 * step.max():.3g} ms"

@@ -211,11 +211,10 @@ def _error(path: Path) -> dict[str, str]:
     with _dataset(path) as data:
         errors: list[float] = []
         if "boundary_error" in data.variables:
-            names = {"boundary_error", "boundary_shift"} & set(data.variables)
-            if (most := max(data[name].size for name in names)) > _MOST_ERRORS:
-                raise ValueError(f"{most} errors")
-            found = [np.ma.filled(data[name][...].astype(np.float64), np.nan) for name in names]
-            errors = np.fmax.reduce(found).ravel().tolist()
+            found = data["boundary_error"]
+            if found.size > _MOST_ERRORS:
+                raise ValueError(f"{found.size} errors")
+            errors = np.ma.filled(found[...].astype(np.float64), np.nan).ravel().tolist()
     known = sorted(100.0 * error for error in errors if error == error)
     if not known:
         return {"error": "not measured"} if errors else {}

@@ -103,13 +103,15 @@ class Front:
     Attributes
     ----------
     shares : ndarray, shape (k,), time steps in units of sqrt(radius / g), falling
-    error : ndarray, shape (k,), relative error of the boundary that ``KEPT_BY`` of the rows keep
-    worst : ndarray, shape (k,), the largest of them; nan, as all but ``shares``, where fewer than
+    agreement : ndarray, shape (k,), ``Row.error`` that ``KEPT_BY`` of the rows keep
+    error : ndarray, shape (k,), as ``agreement`` of each row's error or shift, the larger
+    worst : ndarray, shape (k,), the largest of these; nan, as all but ``shares``, where fewer than
         ``ENOUGH`` rows have a reference
     steps : ndarray, shape (k,), mean time steps of a run near the boundary
     """
 
     shares: Array
+    agreement: Array
     error: Array
     worst: Array
     steps: Array
@@ -124,13 +126,15 @@ class Choice:
     time_step : float [s]
     error : float, relative error of the overturning boundary at that step, kept by ``KEPT_BY`` of
         the rows; nan where it was not measured
-    worst : float, the largest among the rows measured
+    agreement : float, from how far off the boundary outcomes agree at that step, as ``error``
+    worst : float, the largest error among the rows measured
     displaced : float, as ``error`` of the boundary from which on the rock is displaced
-    within : bool, whether an error was measured, and what was is within the tolerance asked for
+    within : bool, whether agreement was measured, and what was is within the tolerance asked for
     """
 
     time_step: float
     error: float
+    agreement: float
     worst: float
     displaced: float
     within: bool
@@ -291,35 +295,23 @@ class _Trial:
         return self.is_beyond(response.outcome)
 
 
-def front(shares: Sequence[float], error: Array, steps: Array) -> Front:
+def front(shares: Sequence[float], error: Array, shift: Array, steps: Array) -> Front:
     """Error against time step over the rows that have a reference.
 
     Parameters
     ----------
     shares : sequence of float, time steps in units of sqrt(radius / g), falling
-    error, steps : ndarray, shape (rows, k), as in ``Row``; nan where there is no reference
+    error, shift, steps : ndarray, shape (rows, k), as in ``Row``; nan where there is no reference
     """
     known = np.isfinite(error).all(axis=1)
     tried = np.array(shares, dtype=np.float64)
     if known.sum() < ENOUGH:
         nothing = np.full(len(tried), math.nan)
-        return Front(tried, nothing, nothing, nothing)
-    error, steps = error[known], steps[known]
-    most = np.quantile(error, KEPT_BY, axis=0, method="inverted_cdf")
-    return Front(tried, most, error.max(axis=0), steps.mean(axis=0))
-
-
-def kept_shift(shift: Array) -> float:
-    """Shift that ``KEPT_BY`` of the rows keep; nan where fewer than ``ENOUGH`` have a reference.
-
-    Parameters
-    ----------
-    shift : ndarray, shape (rows,), as in ``Row``, at one step
-    """
-    known = shift[np.isfinite(shift)]
-    if known.size < ENOUGH:
-        return math.nan
-    return float(np.quantile(known, KEPT_BY, method="inverted_cdf"))
+        return Front(tried, nothing, nothing, nothing, nothing)
+    larger = np.fmax(error, shift)[known]
+    kept = partial(np.quantile, q=KEPT_BY, axis=0, method="inverted_cdf")
+    mean = steps[known].mean(axis=0)
+    return Front(tried, kept(error[known]), kept(larger), larger.max(axis=0), mean)
 
 
 def longest(rock: Rock, engine: str) -> float:
@@ -336,9 +328,10 @@ def longest(rock: Rock, engine: str) -> float:
 
 
 def choose(toppled: Front, displaced: Front, tolerance: float, unit: float, most: float) -> Choice:
-    """Coarsest step from which on, to all finer ones, the errors are within ``tolerance``.
+    """Coarsest step from which on, to all finer ones, outcomes agree within ``tolerance``.
 
-    If there is none, or no error was measured, it is the finest, and the choice says so.
+    If there is none, or nothing was measured, it is the finest, and the choice says so. Shifts do
+    not count: where outcomes alternate with PGA, they are small or large by chance.
 
     Parameters
     ----------
@@ -347,13 +340,14 @@ def choose(toppled: Front, displaced: Front, tolerance: float, unit: float, most
     """
     steps = toppled.shares * unit
     short = steps <= most * tolerance / 0.01 * (1.0 + 1e-9)
-    error = np.fmax(toppled.error, displaced.error)
+    error = np.fmax(toppled.agreement, displaced.agreement)
     largest = np.maximum.accumulate(error[::-1])[::-1]
     good = np.flatnonzero(short & (largest <= tolerance))
     at = int(good[0]) if good.size else len(steps) - 1
     return Choice(
         time_step=float(steps[at]),
         error=float(toppled.error[at]),
+        agreement=float(toppled.agreement[at]),
         worst=float(toppled.worst[at]),
         displaced=float(displaced.error[at]),
         within=bool(good.size),

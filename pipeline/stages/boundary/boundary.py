@@ -46,8 +46,7 @@ def make(
     known = search.resolved(levels, np.log1p(of_level), bounds)
     _note(work, notes)
     dataset = _dataset(data, known, search).assign(boundary_resolution=("friction", width))
-    for name in ("boundary_error", "boundary_shift"):
-        dataset[name] = ("friction", measured.data[name].values)
+    dataset["boundary_error"] = ("friction", measured.data["boundary_error"].values)
     dataset.attrs |= {"searched_from_g": bounds[0], "searched_to_g": bounds[1]}
     files = {BoundaryData.FILE: netcdf(described(dataset, work, "Overturning boundary"))}
     unresolved = int((dataset["outcome"].values >= Outcome.UNSETTLED).sum())

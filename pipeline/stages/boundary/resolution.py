@@ -20,14 +20,14 @@ def widths(
 
     Parameters
     ----------
-    usual : float, where none is asked for, unless the numerical error is larger
+    usual : float, where none is asked for, unless outcomes agree from farther off only
 
     Raises
     ------
     InputError
-        For one asked for that is finer than the numerical error of the time step.
+        For one asked for that is finer than outcomes agree at the time step.
     """
-    error: Array = measured.data["boundary_error"].values
+    error: Array = measured.data["boundary_agreement"].values
     if asked == "auto":
         return np.fmax(usual, error)
     if (error > asked).any():
@@ -37,9 +37,9 @@ def widths(
 
 
 def _refused(origin: Origin, asked: float, measured: xr.Dataset, key: str) -> Problem:
-    error, step = float(measured["boundary_error"]), float(measured["time_step"])
+    error, step = float(measured["boundary_agreement"]), float(measured["time_step"])
     rule = (
-        f"an interval is no narrower than the numerical error of the boundary, {error:.3g} at "
+        f"an interval is no narrower than outcomes agree, to {error:.3g} of the boundary at "
         f"friction {float(measured['friction']):g} and a time step of {1e3 * step:.3g} ms"
     )
     finer = step_for(measured, asked)

@@ -64,7 +64,7 @@ def make(
     settings, one_way = study.settings, motion_grid.one_way(study.motions)
     names = [name for name in TYPES if name != VARIABLE or level is not None]
     dataset = _unwritten(study, names).assign_coords(_measures(study))
-    for name in ("time_step", "boundary_error", "boundary_error_worst", "boundary_shift"):
+    for name in ("time_step", "boundary_error", "boundary_error_worst"):
         dataset[name] = ("friction", measured.data[name].values)
     dataset = beside(dataset, measured.data, AT_REST)
     case = flat_case(study.scenes, study.groups[0])

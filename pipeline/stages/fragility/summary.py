@@ -197,7 +197,7 @@ def time_steps(measured: xr.Dataset) -> list[dict[str, Any]]:
         ``ground`` is what the rock stood on there. With ``others``, the errors of what
         ``simulation.accurate`` names besides the boundary.
     """
-    names = ["boundary_error", "boundary_error_worst", "boundary_shift", "displaced_error"]
+    names = ["boundary_error", "boundary_agreement", "boundary_error_worst", "displaced_error"]
     rows: list[Any] = (
         measured[["time_step", *names]].to_dataframe().reset_index().to_dict("records")
     )

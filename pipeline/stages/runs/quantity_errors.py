@@ -142,19 +142,18 @@ def beside(dataset: xr.Dataset, measured: xr.Dataset, names: tuple[str, ...]) ->
     return dataset.assign(known)
 
 
-def steps_told(choices: Sequence[ladder.Choice], shifts: Sequence[float]) -> str:
+def steps_told(choices: Sequence[ladder.Choice]) -> str:
     """Steps of all frictions in words, with the errors of their boundaries."""
-    told = {_step_told(*one) for one in zip(choices, shifts, strict=True)}
-    return "time step " + "; ".join(sorted(told))
+    return "time step " + "; ".join(sorted(set(map(_step_told, choices))))
 
 
-def _step_told(choice: ladder.Choice, shift: float) -> str:
+def _step_told(choice: ladder.Choice) -> str:
     parts = [f"{1e3 * choice.time_step:.3g} ms"]
     if not math.isnan(choice.error):
         worst = f"{choice.worst:.2%} at the worst PGV/PGA level"
         parts.append(f"error of the boundary {choice.error:.2%}, {worst}")
-    if shift > choice.error:
-        parts.append(f"which moves by {shift:.2%} where outcomes alternate with PGA")
+    if choice.error > choice.agreement:
+        parts.append(f"outcomes agree from {choice.agreement:.2%} off it")
     if not math.isnan(choice.displaced):
         parts.append(f"error of the boundary of sliding {choice.displaced:.2%}")
     return ", ".join(parts) if len(parts) > 1 else f"{parts[0]}, the finest"

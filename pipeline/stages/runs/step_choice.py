@@ -108,10 +108,9 @@ def make(
     for name, field in _CHOSEN.items():
         dataset[name] = ("friction", [float(getattr(choice, field)) for choice in choices])
     dataset["within_tolerance"] *= np.array([one.within for one in errors])
-    shifts = [_shift(dataset.isel(friction=at)) for at in range(len(choices))]
-    dataset = dataset.assign(variables(errors) | {"boundary_shift": ("friction", shifts)})
+    dataset = dataset.assign(variables(errors))
     files = {StepData.FILE: netcdf(described(dataset, work, "Time step"))}
-    summary = steps_told(choices, shifts) + told(errors)
+    summary = steps_told(choices) + told(errors)
     return Product(files, summary, warning=warning(choices, errors))
 
 
@@ -119,7 +118,7 @@ def _given(work: Work, scenes: Scenes, time_step: float) -> Product:
     """A step that is given, whose error of the boundary is not measured."""
     frictions = scenes.settings.contact.friction
     unknown = ("friction", np.full(len(frictions), math.nan))
-    chosen = dict.fromkeys((*_CHOSEN, "boundary_shift"), unknown)
+    chosen = dict.fromkeys(_CHOSEN, unknown)
     chosen["time_step"] = ("friction", np.full(len(frictions), time_step))
     with closing(RunStore(work.runs, StepRow)) as database:
         look = partial(measured, work, database)
@@ -176,6 +175,7 @@ def stored_steps(scenes: Scenes, database: Path) -> TimeSteps:
 _CHOSEN = {
     "time_step": "time_step",
     "boundary_error": "error",
+    "boundary_agreement": "agreement",
     "boundary_error_worst": "worst",
     "displaced_error": "displaced",
     "within_tolerance": "within",
@@ -192,36 +192,38 @@ def kept(measured: xr.Dataset, boundary: Boundary) -> tuple[int, int]:
         As in ``time_step.nc``, of one friction.
     """
     stated = measured["displaced_error" if boundary is Boundary.DISPLACED else "boundary_error"]
-    errors = measured["row_error"].values[measured["row_displaced"].values == boundary]
-    errors = errors[np.isfinite(errors).all(axis=1)]
-    return int((errors[:, _place(measured)] <= float(stated)).sum()), len(errors)
-
-
-def _place(measured: xr.Dataset) -> int:
-    """Place on the ladder of the step chosen for one friction."""
+    agreement, shift = measured["row_error"].values, measured["row_shift"].values
+    own = (measured["row_displaced"].values == boundary) & np.isfinite(agreement).all(axis=1)
+    errors = np.fmax(agreement, shift)[own]
     steps = measured["step_share"].values * measured.attrs["step_unit_s"]
-    return int(np.abs(steps - float(measured["time_step"])).argmin())
+    chosen = np.abs(steps - float(measured["time_step"])).argmin()
+    return int((errors[:, chosen] <= float(stated)).sum()), len(errors)
 
 
-def _shift(measured: xr.Dataset) -> float:
-    """How far four rows in five have moved their boundary at most at the step of one friction."""
-    shift = measured["row_shift"].values[:, _place(measured)]
-    return ladder.kept_shift(shift[measured["row_displaced"].values == Boundary.TOPPLED])
-
-
-def step_for(measured: xr.Dataset, error: float) -> float | None:
-    """Longest step [s] at which the boundary was measured to keep to an error, if there is one.
+def front(measured: xr.Dataset, boundary: Boundary) -> Front:
+    """Error of a boundary against the time step.
 
     Parameters
     ----------
     measured : Dataset
         As in ``time_step.nc``, of one friction.
     """
-    rows = measured.isel(row=measured["row_displaced"].values == Boundary.TOPPLED)
-    shares: list[float] = measured["step_share"].values.tolist()
-    front = ladder.front(shares, rows["row_error"].values, rows["row_steps"].values)
-    kept = [share for share, own in zip(shares, front.error, strict=True) if own <= error]
-    return max(kept) * float(measured.attrs["step_unit_s"]) if kept else None
+    rows = measured.isel(row=measured["row_displaced"].values == boundary)
+    columns = (rows[f"row_{name}"].values for name in ("error", "shift", "steps"))
+    return ladder.front(measured["step_share"].values.tolist(), *columns)
+
+
+def step_for(measured: xr.Dataset, agreement: float) -> float | None:
+    """Longest step [s] at which outcomes were measured to agree so near the boundary, if any.
+
+    Parameters
+    ----------
+    measured : Dataset
+        As in ``time_step.nc``, of one friction.
+    """
+    toppled = front(measured, Boundary.TOPPLED)
+    kept = toppled.shares[toppled.agreement <= agreement]
+    return float(kept.max() * measured.attrs["step_unit_s"]) if kept.size else None
 
 
 def measure_rows(
@@ -377,12 +379,6 @@ def _choice(dataset: xr.Dataset, tolerance: float, most: float = math.inf) -> Ch
     ----------
     most : float [s], no longer step
     """
-    shares = dataset["step_share"].values.tolist()
-
-    def front(boundary: Boundary) -> Front:
-        rows = dataset.isel(row=dataset["row_displaced"].values == boundary)
-        return ladder.front(shares, rows["row_error"].values, rows["row_steps"].values)
-
     unit, longest = (float(dataset.attrs[name]) for name in ("step_unit_s", "longest_step_s"))
-    toppled, displaced = map(front, (Boundary.TOPPLED, Boundary.DISPLACED))
+    toppled, displaced = (front(dataset, boundary) for boundary in Boundary)
     return ladder.choose(toppled, displaced, tolerance, unit, min(longest, most * 0.01 / tolerance))

@@ -104,8 +104,7 @@ def make(
     dataset = _dataset(wanted, found)
     shares = _shares(draws, known, base, found.known, weighed=bool(observed))
     dataset = dataset.merge(_indices(shares, draws, known, base))
-    for name in ("boundary_error", "boundary_shift"):
-        dataset[name] = ((), float(own_edge[name]))
+    dataset["boundary_error"] = ((), float(own_edge["boundary_error"]))
     dataset = dataset.assign(_of_step(step))
     dataset = described(dataset, work, "Overturning with its uncertainty")
     drawn = {

@@ -53,7 +53,7 @@ def facts(
         "directions": directions(found),
         "asked": float(found["boundary_resolution"]),
         "reached": _width(found),
-        "error": float(np.fmax(found["boundary_error"], found["boundary_shift"])),
+        "error": float(found["boundary_error"]),
         "time_step": float(found["time_step"]),
         "step_levels": int(found["step_levels"]),
         "few": min(step_error.FEW, found.sizes["member"]),

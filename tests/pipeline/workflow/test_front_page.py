@@ -54,8 +54,7 @@ def results(derived: Path) -> Path:
     publish(site, "report", {"report.html": page("A rock's report", answer, picture(900, 300))})
     publish(site, "replay", {"replays/one.html": page("&lt;script&gt;alert(1)&lt;/script&gt;")}, 3)
     publish(Store(site.folder / "studies" / "size" / "1 m", site), "rock", {"rock.csv": "a"})
-    numbers = {"boundary_error": np.array([0.0005, np.nan]), "boundary_shift": [0.0012, np.nan]}
-    errors = xr.Dataset({name: ("friction", values) for name, values in numbers.items()})
+    errors = xr.Dataset({"boundary_error": ("friction", [0.0012, np.nan])})
     facts = {"key": "k", "facts": {}, "unresolved": 0, "retry": 0}
     with site:
         site.open()
@@ -79,16 +78,6 @@ def test_each_product_is_listed_with_what_its_page_says(results: Path) -> None:
     shown = re.search(r'src="data:image/png;base64,([^"]+)"', text)
     assert shown
     assert Image.open(io.BytesIO(base64.b64decode(shown[1]))).size == (320, 107)
-
-
-def test_an_error_without_the_shift_beside_it_is_told_as_it_is(results: Path) -> None:
-    """As products have it that were made before there was one."""
-    alone = xr.Dataset({"boundary_error": ("friction", [0.0034])})
-    with Store(results / "older") as store:
-        store.open()
-        facts = {"key": "k", "facts": {}, "unresolved": 0, "retry": 0}
-        store.publish("responses", facts, {"responses.nc": netcdf(alone)})
-    assert "Numerical error of the boundary: 0.34 %." in index(results)
 
 
 def test_a_dataset_that_lacks_what_is_asked_for_is_listed_all_the_same(results: Path) -> None:
@@ -243,14 +232,12 @@ def test_a_page_that_is_no_file_is_left_out_and_named(
 
 def text_errors(data: netCDF4.Dataset) -> None:
     data.createDimension("a", 1)
-    for name in ("boundary_error", "boundary_shift"):
-        data.createVariable(name, str, ("a",))[0] = "q"
+    data.createVariable("boundary_error", str, ("a",))[0] = "q"
 
 
 def many_errors(data: netCDF4.Dataset) -> None:
     data.createDimension("a", 10**10)
-    for name in ("boundary_error", "boundary_shift"):
-        data.createVariable(name, "f8", ("a",), zlib=True, chunksizes=(10**6,))
+    data.createVariable("boundary_error", "f8", ("a",), zlib=True, chunksizes=(10**6,))
 
 
 @pytest.mark.parametrize("change", [text_errors, many_errors])

@@ -154,8 +154,6 @@ def test_where_outcomes_alternate_the_boundary_found_is_another(
     np.testing.assert_array_equal(row.error, OFFSETS[0])
     np.testing.assert_allclose(row.shift[coarse], 0.04, atol=0.003)
     np.testing.assert_allclose(row.shift[~coarse], 0.0, atol=0.003)
-    assert time_step.kept_shift(np.array([0.01, 0.04, 0.02, 0.3, np.nan, 0.03])) == 0.04
-    assert math.isnan(time_step.kept_shift(np.array([0.01, 0.04, np.nan])))
 
 
 @pytest.mark.parametrize(("true", "least"), [(12.0, OFFSETS[0]), (7.5, OFFSETS[0]), (0.0, WORST)])
@@ -259,16 +257,18 @@ def test_two_rows_are_not_enough_for_an_error() -> None:
     assert enough([*rows, rows[0]])
     error = np.full((4, len(SHARES)), 0.001)
     error[2:] = math.nan
-    assert np.isnan(front(SHARES, error, error).error).all()
+    assert np.isnan(front(SHARES, error, error, error).error).all()
     error[2] = 0.001
-    assert (front(SHARES, error, error).error == 0.001).all()
+    assert (front(SHARES, error, error, error).error == 0.001).all()
 
 
 def test_front_keeps_what_four_rows_in_five_keep() -> None:
     error = np.outer([1.0, 2.0, 3.0, 4.0, 50.0, math.nan], np.linspace(2.0, 1.0, len(SHARES)))
     steps = np.outer([1.0, 1.0, 1.0, 3.0, 4.0, math.nan], np.arange(len(SHARES)) + 1.0)
-    found = front(SHARES, error, steps)
-    assert found.error == pytest.approx(np.linspace(8.0, 4.0, len(SHARES)))
+    shift = np.outer([0.0, 0.0, 10.0, 0.0, 0.0, math.nan], np.ones(len(SHARES)))
+    found = front(SHARES, error, shift, steps)
+    assert found.agreement == pytest.approx(np.linspace(8.0, 4.0, len(SHARES)))
+    assert (found.error == 10.0).all()
     assert found.worst == pytest.approx(np.linspace(100.0, 50.0, len(SHARES)))
     assert found.steps == pytest.approx(2.0 * (np.arange(len(SHARES)) + 1.0))
 
@@ -294,9 +294,12 @@ def test_choice_is_the_coarsest_from_which_on_all_keep_the_tolerance(
 
 TRIED = [8.0, 4.0, 2.0, 1.0]
 
+COLUMNS = "error", "shift", "steps"
+
 
 def front_of(*error: float) -> Front:
-    return Front(np.array(TRIED), np.array(error), np.array(error), np.array(TRIED))
+    own = np.array(error)
+    return Front(np.array(TRIED), own, own, own, np.array(TRIED))
 
 
 UNKNOWN = front_of(*[math.nan] * 4)
@@ -308,6 +311,15 @@ def test_where_nothing_was_measured_the_step_is_the_finest_and_nothing_is_claime
     assert not chosen.within
     assert math.isnan(chosen.error)
     assert math.isnan(chosen.displaced)
+
+
+def test_where_outcomes_alternate_the_step_goes_by_agreement_and_the_error_told_is_larger() -> None:
+    tried, agreement = np.array(TRIED), np.array([0.04, 0.01, 0.01, 0.01])
+    shift = np.array([0.03, 0.05, 0.002, 0.03])
+    toppled = Front(tried, agreement, np.fmax(agreement, shift), shift, tried)
+    chosen = choose(toppled, UNKNOWN, 0.02, 0.5, 99.0)
+    assert (chosen.time_step, chosen.within) == (2.0, True)
+    assert (chosen.agreement, chosen.error) == (0.01, 0.05)
 
 
 def test_displacement_stands_in_for_toppling_and_is_not_taken_for_it() -> None:
@@ -335,8 +347,8 @@ def test_the_longest_step_goes_with_the_tolerance(
 @pytest.mark.slow
 def test_doubled_tolerance_is_cheaper() -> None:
     rows = [measure(SLENDER, r, Settings(1.0)) for r in time_step.periods(SLENDER.full.rock)]
-    error, steps = (np.array([getattr(r, what) for r in rows]) for what in ("error", "steps"))
-    measured, nothing = front(SHARES, error, steps), front(SHARES, error[:0], steps[:0])
+    columns = [np.array([getattr(row, what) for row in rows]) for what in COLUMNS]
+    measured, nothing = front(SHARES, *columns), front(SHARES, *(one[:0] for one in columns))
     unit = time_step.step_unit(SLENDER.full.rock)
     rock = SLENDER.full.rock
     steps = [
@@ -354,8 +366,9 @@ def test_the_step_chosen_keeps_to_the_tolerance_at_levels_that_were_not_measured
     rock, ladder = cases[0.0].full.rock, load("nonsmooth").LADDER
     unit, how = time_step.step_unit(rock), Settings(math.nan, engine="nonsmooth")
     rows = [measure(cases[yaw], ratio, how) for yaw, ratio, _ in lots(rock)[0]]
-    error, steps = (np.array([getattr(row, what) for row in rows]) for what in ("error", "steps"))
-    measured, none = front(ladder.shares, error, steps), front(ladder.shares, error[:0], steps[:0])
+    columns = [np.array([getattr(row, what) for row in rows]) for what in COLUMNS]
+    measured = front(ladder.shares, *columns)
+    none = front(ladder.shares, *(column[:0] for column in columns))
     chosen = choose(measured, none, 0.01, unit, time_step.longest(rock, "nonsmooth"))
     assert chosen.within
     settings, off = replace(how, time_step=chosen.time_step), []

@@ -21,7 +21,7 @@ from pipeline.config.motion_schema import PulseConfig
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.schema import SceneSettings
 from pipeline.drawing.style import FAINT, INK, MARKERS, SERIES, pictures, png_uri, styled, svg_uri
-from pipeline.stages.runs.step_choice import StepData, kept
+from pipeline.stages.runs.step_choice import StepData, front, kept
 from pipeline.stages.runs.study import Study
 from pipeline.stages.studies.accuracy import comparison, quantity_fronts
 from pipeline.stages.studies.accuracy.comparison import Place, Record, SampledCell
@@ -31,7 +31,6 @@ from pipeline.workflow.grammar import listed
 from pipeline.workflow.stage import Product, Work
 from vsr_core import engines
 from vsr_core.arrays import Array
-from vsr_core.run import time_step
 from vsr_core.run.agreement import WINDOW, WORST
 from vsr_core.run.time_step import Boundary
 from vsr_core.verification.work_precision import Target
@@ -230,16 +229,16 @@ def _front(chosen: xr.Dataset, tolerance: float) -> str:
     first = chosen.isel(friction=0)
     if np.isnan(first["boundary_error"]):
         return ""
+    most = front(first, Boundary.TOPPLED)
     first = first.isel(row=first["row_displaced"].values == 0)
     errors = [
         (f"yaw {row['row_yaw'].item():g} deg, PGV/PGA {row['row_pgv_pga'].item():.2g} s", error)
         for row in (first.isel(row=at) for at in range(first.sizes["row"]))
-        if not np.isnan(error := row["row_error"].values).any()
+        if not np.isnan(error := np.fmax(row["row_error"].values, row["row_shift"].values)).any()
     ]
-    shares = first["step_share"].values
-    most = time_step.front(shares.tolist(), first["row_error"].values, first["row_steps"].values)
     errors.append(("not exceeded in at least 80 % of rows", most.error))
-    steps = shares * (1e3 * float(chosen.attrs["step_unit_s"]))
+    errors.append(("outcomes agree in at least 80 % of rows", most.agreement))
+    steps = most.shares * (1e3 * float(chosen.attrs["step_unit_s"]))
     figure = boundary_convergence(steps, errors, 1e3 * float(first["time_step"]), tolerance)
     return svg_uri(figure)
 
@@ -317,7 +316,7 @@ def work_precision(table: pd.DataFrame, tolerance: float, title: str) -> Figure:
 def boundary_convergence(
     steps: Array, errors: list[tuple[str, Array]], chosen: float, tolerance: float
 ) -> Figure:
-    """Error of each row's boundary against the time step, and what most rows keep.
+    """Error of each row's boundary against the time step, then error and agreement most rows keep.
 
     Parameters
     ----------
@@ -327,13 +326,14 @@ def boundary_convergence(
     figure = Figure(figsize=(6.6, 3.9), layout="constrained")
     axes = figure.add_subplot()
     for at, (name, error) in enumerate(errors):
-        last = at == len(errors) - 1
+        kept = at >= len(errors) - 2
         axes.plot(
             steps,
             100.0 * error,
-            color=INK if last else SERIES[at % len(SERIES)],
-            linewidth=2.2 if last else 0.9,
-            marker=MARKERS[at % len(MARKERS)] if not last else None,
+            color=INK if kept else SERIES[at % len(SERIES)],
+            linewidth=2.2 if kept else 0.9,
+            linestyle="--" if at == len(errors) - 1 else "-",
+            marker=MARKERS[at % len(MARKERS)] if not kept else None,
             markersize=4,
             label=name,
         )

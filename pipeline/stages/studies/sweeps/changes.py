@@ -151,20 +151,14 @@ def _change(here: xr.Dataset, there: xr.Dataset, label: str, *, same: bool) -> C
         toppled=(here["overturned"] == 1).sum().item() / decided if decided else np.nan,
         bounded=bool(np.isfinite(here[UPPER]).any()),
         time_step=_largest(here["time_step"]),
-        error=_largest(_error(here)),
+        error=_largest(here["boundary_error"]),
         interval=_median(half.values),
     )
 
 
-def _error(data: xr.Dataset) -> xr.DataArray:
-    """How far the time step moves a boundary: where it agrees, or what halving finds."""
-    error, shift = data["boundary_error"], data["boundary_shift"]
-    return error.where(~(shift > error), shift)
-
-
 def _interval(data: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
     """Ends of the boundary's interval; infinite above where nothing topples, nan where none ran."""
-    error = _error(data).fillna(0.0)
+    error = data["boundary_error"].fillna(0.0)
     return data[LOWER].clip(min=0.0) * (1.0 - error), data[UPPER] * (1.0 + error)
 
 

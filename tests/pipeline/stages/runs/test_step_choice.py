@@ -192,6 +192,7 @@ def test_a_rock_that_slides_is_measured_by_its_sliding(
     ("errors", "stated", "counts"),
     [
         ([0.001, 0.002, 0.02], 0.02, (3, 3)),  # four in five of three are all
+        ([0.001, 0.002, 0.02], 0.002, (0, 3)),  # all have moved by 0.003
         ([0.001, 0.002, 0.02, 0.003, 0.004], 0.004, (4, 5)),
         ([0.001, math.nan, 0.002, 0.003], 0.003, (3, 3)),  # one without a reference
     ],
@@ -209,6 +210,7 @@ def test_rows_that_keep_to_the_stated_error_are_counted(
             "boundary_error": 1.0,
             "displaced_error": 1.0,
             "row_error": (("row", "step_share"), [*own, [0.0, 0.0], [0.0, 0.0]]),
+            "row_shift": (("row", "step_share"), [[0.0, 0.003]] * len(kinds)),
             "row_displaced": ("row", kinds),
         },
         {"step_share": [0.4, 0.2]},
