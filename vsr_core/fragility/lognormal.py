@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.special import log_ndtr, ndtr, ndtri
 
 from vsr_core.arrays import Array, Indices, Mask
@@ -250,7 +251,8 @@ class LognormalFragility(FragilityModel):
         found = self._levels(self._overlap, self._slopes, -theta * self._slopes)
         fits = zip(self._slopes, *found, strict=True)
         for row, (slopes, levels, errors, value) in enumerate(fits):
-            share = np.cumsum(np.exp(value - value.max()) * errors / slopes)
+            density = np.exp(value - value.max()) * errors / slopes
+            share = cumulative_trapezoid(density, initial=0.0)
             slope = np.interp(rng.random(count), share / share[-1], slopes)
             error = np.interp(slope, slopes, errors) * rng.standard_normal(count)
             level = np.interp(slope, slopes, levels) + error

@@ -468,7 +468,7 @@ def test_a_row_whose_slope_is_held_has_the_interval_that_it_has_alone(other: flo
 
 @pytest.mark.parametrize(("beta", "seed"), [(b, s) for b in (0.2, 0.3) for s in range(6)])
 def test_draws_of_a_row_are_where_its_runs_let_theta_and_beta_be(beta: float, seed: int) -> None:
-    """Ends of 95 % by the likelihood on a grid, flat in ln theta and ln beta."""
+    """Median and ends of 95 % by the likelihood on a grid, flat in ln theta and ln beta."""
     rng = np.random.default_rng(seed)
     pga = np.exp(np.sort(rng.uniform(-1.0, 1.0, 60)))
     known = Known.of(np.zeros(60, int), pga, (rng.normal(size=60) < np.log(pga) / beta).astype(int))
@@ -481,10 +481,12 @@ def test_draws_of_a_row_are_where_its_runs_let_theta_and_beta_be(beta: float, se
     likely = (toppled * norm.logcdf(eta) + (trials - toppled) * norm.logcdf(-eta)).sum(axis=-1)
     weight = np.exp(likely - likely.max())
     draws = model.resample(np.ones((20_000, 1)), np.random.default_rng(0))[:, 0].T
+    off, levels = [], [0.025, 0.5, 0.975]
     for drawn, at, share in zip(draws, axes, (weight.sum(axis=1), weight.sum(axis=0)), strict=True):
-        ends = np.interp([0.025, 0.975], np.cumsum(share) / share.sum(), at)
-        off = np.abs(np.quantile(drawn, [0.025, 0.975]) - ends) / np.ptp(ends)
-        assert off.max() < 0.1  # the level is drawn as normal
+        places = np.interp(levels, (np.cumsum(share) - 0.5 * share) / share.sum(), at)
+        off.append(np.abs(np.quantile(drawn, levels) - places) / np.ptp(places))
+    assert np.max(off[0]) < 0.1  # the level is drawn as normal
+    assert np.max(off[1]) < 0.03
 
 
 @pytest.mark.filterwarnings("error")
