@@ -24,6 +24,9 @@ they leave is told from a jump of the acceleration."""
 _SHARP, _LONE = 0.75, 5.0
 """Share of what a lone value has, and times what is around, from which on a bend is none."""
 
+_HELD = 2.5
+"""How much harder a motion may stop and start than it bends elsewhere."""
+
 _REST = 8
 """Samples of rest before and after a motion."""
 
@@ -121,6 +124,31 @@ def refuse_lone(values: Array, name: str, times: Array) -> None:
         off = min(max(off, 0), len(values) - 1)
         given = f"{values[off]:.10g} ({name}) at {times[off]:.6g} s, far from what is beside it"
         raise InvalidInput(given, "a motion goes there and back", "leave it out, or fill it")
+
+
+def refuse_held(values: Array, name: str, times: Array) -> None:
+    """Refuse positions that stop so abruptly, for three samples or more, as they bend nowhere else.
+
+    So does a way that was cut off at the end of a range, or one whose logger stood still. From rest
+    a pulse begins as hard as it bends later, not harder.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    size, corners = np.abs(np.diff(values, 2)), np.zeros(len(values), dtype=bool)
+    for start, length in runs(np.diff(values) == 0.0):
+        if length > 1:
+            corners[[max(start - 1, 0), start]] = True
+            corners[[start + length, min(start + length + 1, len(values) - 1)]] = True
+    held, others = size * corners[1:-1], size * ~corners[1:-1]
+    if held.max(initial=0.0) > _HELD * others.max(initial=0.0):
+        at = int(held.argmax()) + 1
+        given = (
+            f"positions that stand still from or to {times[at]:.6g} s ({name} {values[at]:.10g})"
+        )
+        rule = f"they bend there {_HELD:g} times as much as elsewhere at most"
+        raise InvalidInput(given, rule, "leave out what is cut off or held there, or fill it")
 
 
 def noise(values: Array) -> float:

@@ -221,7 +221,9 @@ def _check_way(motion: SampledMotion, columns: Columns) -> None:
     bend = np.abs(np.diff(motion.samples, 2, axis=0)).max(axis=0)
     for at in np.flatnonzero(bend > MOST_ROUNDED * bend.max()):
         name, unit = AXES[at], _unit(columns[AXES[at]])
-        digits.refuse_lone(motion.samples[:, at] / unit, name, motion.time)
+        way = motion.samples[:, at] / unit
+        digits.refuse_lone(way, name, motion.time)
+        digits.refuse_held(way, name, motion.time)
     halves = [replace(motion, time=motion.time[k::2], samples=motion.samples[k::2]) for k in (0, 1)]
     if min(len(half.time) for half in halves) < LEAST_SAMPLES or not bend.any():
         return

@@ -199,6 +199,31 @@ def test_one_sample_makes_no_pga(rate: int, share: float, tmp_path: Path) -> Non
     assert 0 < taken < 12
 
 
+@pytest.mark.parametrize("lowest", [-35.0, -99.0])
+def test_a_way_that_is_cut_off_is_no_motion(lowest: float, tmp_path: Path) -> None:
+    """At 70 % of its range, on one side or both: corners shook the table 5 times as hard."""
+    time = np.arange(0.0, 6.0, 0.005)
+    way = 50.0 * np.sin(np.pi * time / 6.0) ** 4 * np.sin(2.0 * np.pi * time)
+    path = write(tmp_path / "table.csv", "time [s],x [mm]", time, way)
+    load(path)
+    write(path, "time [s],x [mm]", time, np.clip(way, lowest, 35.0))
+    with pytest.raises(InvalidInput, match=r"stand still from or to \d\.\d+ s \(x"):
+        load(path)
+
+
+def test_a_way_may_rest_between_pulses(tmp_path: Path) -> None:
+    """From rest it starts as hard as it bends later: acceleration in steps, then rest aside."""
+    time = np.arange(0.0, 4.0, 0.005)
+    pushed = 5.0 * np.select(
+        [(time > 1.0) & (time < 1.2), (time > 1.2) & (time < 1.4)], [1.0, -1.0]
+    )
+    pushed -= np.roll(pushed, 300)
+    way = 0.005**2 * np.cumsum(np.cumsum(pushed))
+    assert way[-1] == pytest.approx(0.0, abs=1e-9)
+    way[way < 1e-9] = 0.0
+    assert load(write(tmp_path / "table.csv", "time [s],x [m]", time, way)).duration > 3.0
+
+
 def test_times_are_those_of_the_file(tmp_path: Path) -> None:
     way = 20.0 * np.sin(np.pi * FREQUENT / FREQUENT[-1]) ** 4 * np.sin(4.0 * np.pi * FREQUENT)
     way[150] += 10.0
