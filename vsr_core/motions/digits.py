@@ -80,17 +80,17 @@ def refuse_mark(values: Array, name: str, step: float) -> None:
 
 
 def refuse_spike(values: Array, name: str, step: float) -> None:
-    """Refuse a lone sample of an acceleration far beyond those beside it.
+    """Refuse a sample of an acceleration, or two, far beyond those beside it.
 
     Of 490 recorded shake-table motions no peak is 5 times as large as the 20 samples before it and
-    after it, at 25 to 200 Hz.
+    after it but for the next, at 25 to 200 Hz.
 
     Raises
     ------
     InvalidInput
     """
     size = np.abs(values - np.median(values))
-    beside = maximum_filter(size, footprint=np.arange(41) != 20, mode="constant")
+    beside = maximum_filter(size, footprint=np.abs(np.arange(-20, 21)) > 1, mode="constant")
     lone = np.flatnonzero((size > _LONE * beside) & (size > 0.5 * size.max()))
     if len(lone):
         at = int(lone[0])

@@ -77,7 +77,9 @@ def answer(
     """
     block = rocking_block(case)
     if block is not None:
-        boundary = first_overturning_pga(block, pgv_pga, STRONGEST, 0.005 * GRAVITY)
+        # of a slender block low bands are narrow
+        step = min(0.005 * GRAVITY, 0.01 * block.uplift)
+        boundary = first_overturning_pga(block, pgv_pga, STRONGEST, step)
         return Answer(
             _reached(boundary),
             lambda pga: frozenset({rocking_response(block, pga, pgv_pga).overturned}),

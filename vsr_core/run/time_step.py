@@ -27,17 +27,28 @@ from vsr_core.engines import load
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Response
 from vsr_core.rock.body import Rock
-from vsr_core.run.agreement import HALVINGS, WINDOW, Answer, agrees_from, answer, by_references
-from vsr_core.run.boundary_search import Topples, halved, left_its_place, verdict
+from vsr_core.run.agreement import (
+    HALVINGS,
+    WINDOW,
+    WORST,
+    Answer,
+    agrees_from,
+    answer,
+    by_references,
+)
+from vsr_core.run.boundary_search import Topples, first_boundary, halved, left_its_place, verdict
 from vsr_core.run.cases import Case, Settings, TerrainCase
 from vsr_core.run.displacement import respond
 from vsr_core.run.input_checks import longest_step
 from vsr_core.run.overturning import simulate
 from vsr_core.scene import Contact, Scene
 
-BOX_PERIODS, HULL_PERIODS = (0.45, 0.9, 1.35), (0.45, 0.9)
-"""PGV/PGA of the rows in units of sqrt(radius / g). Of shorter pulses one swing decides, of longer
-ones the static limit; between them a block topples after some impacts, and steps tell most."""
+BOX_PERIODS, HULL_PERIODS = (0.9, 1.35, 1.9), (0.45, 0.9)
+"""PGV/PGA of the rows in units of sqrt(radius / g). Of shorter pulses one swing decides, by those
+of a box it topples after some impacts, and steps tell most."""
+
+BAND = 0.005
+"""Width, as a share, of a lowest band of toppling that Housner's block is searched for."""
 
 LONGER_PERIODS = (1.2, 1.8)
 """PGV/PGA of more rows where those topple nothing, in the same units."""
@@ -84,7 +95,8 @@ class Row:
     error : ndarray, shape (k,), relative: where, from the boundary outwards, a run first agrees; of
         an exact reference no less than the shift
     shift : ndarray, shape (k,), relative: how far away a boundary is found by halving, as that of a
-        study is. Where outcomes alternate with PGA a run agrees by chance, and this is larger.
+        study is, of an exact reference the lowest. Where outcomes alternate with PGA a run agrees
+        by chance, and this is larger.
     steps : ndarray, shape (k,), mean time steps of a run
     """
 
@@ -260,15 +272,26 @@ def _row(
     # not about the boundary, at which the first trial would agree by luck
     ends = (1.0 - WINDOW) * known.boundary, (1.0 + 1.5 * WINDOW) * known.boundary
     right = (lambda pga: passing(pga) == {True}) if known.exact else fine
-    expected = halved(right, *ends, HALVINGS).middle
+    found = partial(_lowest if known.exact else _halved, ends=ends)
+    expected = found(right)
     for share in ladder.shares:
         tried = trial(share)
         error.append(agrees_from(tried, passing, known.boundary))
         steps.append(tried.steps / tried.runs)
-        shift.append(abs(halved(tried, *ends, HALVINGS).middle / expected - 1.0))
+        shift.append(min(abs(found(tried) / expected - 1.0), WORST))
     errors, shifts = np.array(error), np.array(shift)
     errors = np.fmax(errors, shifts) if known.exact else errors
     return Row(pgv_pga, known.boundary, known.exact, errors, shifts, np.array(steps))
+
+
+def _halved(topples: Topples, ends: tuple[float, float]) -> float:
+    return halved(topples, *ends, HALVINGS).middle
+
+
+def _lowest(topples: Topples, ends: tuple[float, float]) -> float:
+    """The lowest boundary between two PGAs, the upper end where there is none [m/s^2]."""
+    found = first_boundary(topples, np.arange(*ends, BAND * ends[0]), 3).middle
+    return found if math.isfinite(found) else ends[1]
 
 
 class _Trial:

@@ -668,12 +668,14 @@ def test_a_peak_that_happens_to_be_all_nines_is_one() -> None:
     assert repaired(one) is one
 
 
-@pytest.mark.parametrize("places", [[0], [100], [37, 251], [399]])
+@pytest.mark.parametrize("places", [[0], [100], [37, 251], [100, 101], [399]])
 @pytest.mark.parametrize("times", [-6.0, 6.0, 20.0])
 def test_a_lone_sample_far_beyond_the_others_is_none(places: list[int], times: float) -> None:
     spiked = 0.1 * VALUES
     spiked[places] = times * np.abs(spiked).max()
     refusal(lambda: repaired(record(spiked)), f"at {places[0] * STEP:g} s", "leave it out")
+    text = files.knet(spiked, STEP).encode()  # in a unit by its scale factor
+    refusal(lambda: repaired(read(text, ".NS", PLAIN)), "far beyond what is beside it")
 
 
 @pytest.mark.parametrize("seed", range(20))

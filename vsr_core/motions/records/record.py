@@ -260,10 +260,10 @@ def repaired(record: Record) -> Record:
     values = record.acceleration
     if not len(values) or np.ptp(values) == 0.0:
         raise InvalidInput("a record whose samples are all alike", "it moves", "use another record")
-    if is_acceleration(record.unit):
-        read = (values / factor(record.unit), record.unit, record.interval)
-        digits.refuse_mark(*read)
-        digits.refuse_spike(*read)
+    if plain := is_acceleration(record.unit):
+        digits.refuse_mark(values / factor(record.unit), record.unit, record.interval)
+    scale, unit = (factor(record.unit), record.unit) if plain else (1.0, "m/s^2")
+    digits.refuse_spike(values / scale, unit, record.interval)
     clipped = _flat_top(values)
     if clipped:
         given = f"{clipped} samples in a row at the record's extreme"
