@@ -18,7 +18,7 @@ from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import DecidedBy, Outcome, Response
 from vsr_core.rock import solid
 from vsr_core.run import displacement, time_step
-from vsr_core.run.agreement import OFFSETS, WORST, rocking_block
+from vsr_core.run.agreement import OFFSETS, WORST, Answer, rocking_block
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
 from vsr_core.run.rocking_block import Block, first_overturning_pga, rocking_response
 from vsr_core.run.time_step import (
@@ -153,6 +153,27 @@ def test_where_outcomes_alternate_the_boundary_found_is_another(
     assert coarse.any()
     np.testing.assert_array_equal(row.error, OFFSETS[0])
     np.testing.assert_allclose(row.shift[coarse], 0.04, atol=0.003)
+    np.testing.assert_allclose(row.shift[~coarse], 0.0, atol=0.003)
+
+
+def test_a_lowest_band_that_a_step_loses_is_an_error_of_a_block(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It topples between 10 and 10.1 m/s^2 and from 10.4 on; a coarse run from there on only."""
+    unit = time_step.step_unit(SLENDER.full.rock)
+
+    def falls(pga: float) -> bool:
+        return 10.0 < pga < 10.1 or pga > 10.4
+
+    def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        fell = motion.pga > 10.4 if settings.time_step / unit > 0.01 else falls(motion.pga)
+        return ending(Outcome.OVERTURNED if fell else Outcome.BALANCED)
+
+    right = Answer(10.0, lambda pga: frozenset({falls(pga)}), exact=True, spread=0.0)
+    monkeypatch.setattr(time_step, "simulate", fake)
+    monkeypatch.setattr(time_step, "answer", lambda *given: right)
+    row, coarse = measure(SLENDER, 0.3, Settings(1.0)), np.array(SHARES) > 0.01
+    np.testing.assert_allclose(row.error[coarse], 0.04, atol=0.003)
     np.testing.assert_allclose(row.shift[~coarse], 0.0, atol=0.003)
 
 
