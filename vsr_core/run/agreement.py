@@ -36,6 +36,9 @@ halved: to less than the nearest pulses are apart, as both would else end alike 
 WINDOWS = 5
 """Such ranges looked at, each about the end of the one before at which the boundary was."""
 
+BAND = 0.005
+"""Width, as a share, of a lowest band of toppling that Housner's block is searched for."""
+
 STRONGEST = 4.0 * GRAVITY
 """Strongest pulse tried [m/s^2]."""
 
@@ -77,9 +80,7 @@ def answer(
     """
     block = rocking_block(case)
     if block is not None:
-        # of a slender block low bands are narrow
-        step = min(0.005 * GRAVITY, 0.01 * block.uplift)
-        boundary = first_overturning_pga(block, pgv_pga, STRONGEST, step)
+        boundary = first_overturning_pga(block, pgv_pga, STRONGEST, BAND * block.uplift)
         return Answer(
             _reached(boundary),
             lambda pga: frozenset({rocking_response(block, pga, pgv_pga).overturned}),

@@ -28,6 +28,7 @@ from vsr_core.motions.pulses import CosinePulse
 from vsr_core.outcome import Response
 from vsr_core.rock.body import Rock
 from vsr_core.run.agreement import (
+    BAND,
     HALVINGS,
     WINDOW,
     WORST,
@@ -46,9 +47,6 @@ from vsr_core.scene import Contact, Scene
 BOX_PERIODS, HULL_PERIODS = (0.9, 1.35, 1.9), (0.45, 0.9)
 """PGV/PGA of the rows in units of sqrt(radius / g). Of shorter pulses one swing decides, by those
 of a box it topples after some impacts, and steps tell most."""
-
-BAND = 0.005
-"""Width, as a share, of a lowest band of toppling that Housner's block is searched for."""
 
 LONGER_PERIODS = (1.2, 1.8)
 """PGV/PGA of more rows where those topple nothing, in the same units."""
@@ -271,9 +269,8 @@ def _row(
     error, shift, steps = [], [], []
     # not about the boundary, at which the first trial would agree by luck
     ends = (1.0 - WINDOW) * known.boundary, (1.0 + 1.5 * WINDOW) * known.boundary
-    right = (lambda pga: passing(pga) == {True}) if known.exact else fine
     found = partial(_lowest if known.exact else _halved, ends=ends)
-    expected = found(right)
+    expected = known.boundary if known.exact else found(fine)
     for share in ladder.shares:
         tried = trial(share)
         error.append(agrees_from(tried, passing, known.boundary))

@@ -380,6 +380,7 @@ def test_doubled_tolerance_is_cheaper() -> None:
     assert steps[2] >= 1.5 * steps[1] >= 1.5 * steps[0]
 
 
+@pytest.mark.slow
 def test_the_step_chosen_keeps_to_the_tolerance_at_levels_that_were_not_measured() -> None:
     """Of a slender box after some impacts: lowest boundaries by Housner's equation, and by runs."""
     size, blocks = (0.4, 0.8, 1.6), (Block(0.2, 0.8), Block(0.4, 0.8))
