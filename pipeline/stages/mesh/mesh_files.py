@@ -61,13 +61,18 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
 
 
 def _require_plain_gltf(file: BinaryIO) -> None:
-    """Refuse what trimesh passes over: coordinates that are replaced, packed or made integers."""
+    """Refuse what trimesh passes over: coordinates replaced, packed, made integers or deformed."""
     length = int.from_bytes(file.read(16)[12:], "little")
     scene = json.loads(file.read(length + 4)[4:])
     file.seek(0)
     needed = [f"extension {name}" for name in scene.get("extensionsRequired", ())]
     if any("sparse" in accessor for accessor in scene.get("accessors", ())):
         needed.append("sparse accessors")
+    nodes = scene.get("nodes", [])
+    if any(any(part.get("weights", ())) for part in scene.get("meshes", []) + nodes):
+        needed.append("morph targets")
+    if any("skin" in node for node in nodes):
+        needed.append("a skin")
     if needed:
         given = f"a glTF file that needs {listed(needed)}"
         raise InvalidInput(given, "its coordinates are plain", "export it without, or as .ply")

@@ -185,23 +185,43 @@ def test_file_cut_short(tmp_path: Path, refused: Refused, kind: str) -> None:
     refused("run", "rock", "--site", where, words=words, page=page)
 
 
+def glb(path: Path, change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+    """Write the ball, with another scene beside its coordinates."""
+    content = ball().export(file_type="glb")
+    length = int.from_bytes(content[12:16], "little")
+    text = json.dumps(change(json.loads(content[20 : 20 + length]))).encode()
+    text += b" " * (-len(text) % 4)
+    sizes = len(content) - length + len(text), len(text)
+    head = b"glTF" + b"".join(n.to_bytes(4, "little") for n in (2, *sizes)) + content[16:20]
+    path.write_bytes(head + text + content[20 + length :])
+
+
+def test_morph_targets_without_weight_are_read(tmp_path: Path) -> None:
+    def unused(scene: dict[str, Any]) -> dict[str, Any]:
+        (mesh,) = scene["meshes"]
+        (part,) = mesh["primitives"]
+        part["targets"] = [{"POSITION": part["attributes"]["POSITION"]}]
+        return scene | {"meshes": [mesh | {"weights": [0.0]}]}
+
+    glb(tmp_path / "rock.glb", unused)
+    found = mesh_files.read(tmp_path / "rock.glb")
+    assert found.volume == pytest.approx(ball().volume, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("more", "told"),
     [
         ({"extensionsRequired": ["KHR_mesh_quantization"]}, "extension KHR_mesh_quantization"),
         ({"accessors": [{"sparse": {}}]}, "sparse accessors"),
+        ({"meshes": [{"weights": [0.0, 1.0]}]}, "morph targets"),
+        ({"nodes": [{"mesh": 0, "weights": [0.5]}]}, "morph targets"),
+        ({"nodes": [{"mesh": 0, "skin": 0}]}, "a skin"),
     ],
 )
 def test_coordinates_that_trimesh_passes_over(
     tmp_path: Path, refused: Refused, more: dict[str, Any], told: str
 ) -> None:
-    content = ball().export(file_type="glb")
-    length = int.from_bytes(content[12:16], "little")
-    text = json.dumps(json.loads(content[20 : 20 + length]) | more).encode()
-    text += b" " * (-len(text) % 4)
-    sizes = len(content) - length + len(text), len(text)
-    head = b"glTF" + b"".join(n.to_bytes(4, "little") for n in (2, *sizes)) + content[16:20]
-    (tmp_path / "rock.glb").write_bytes(head + text + content[20 + length :])
+    glb(tmp_path / "rock.glb", lambda scene: scene | more)
     where = site(tmp_path, "rock.glb")
     refused("run", "rock", "--site", where, words=("rock.mesh", "rock.glb", told, "plain"))
 
