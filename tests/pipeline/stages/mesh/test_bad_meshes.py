@@ -392,6 +392,33 @@ def test_vertices_split_by_texture_are_merged(
     see_that_it_is_the_prism(weighed(vsr, tmp_path, derived, "rock.obj"))
 
 
+def in_two_objects(mesh: trimesh.Trimesh, corner: str) -> str:
+    """An OBJ text of a prism in which its base, and then the rest, follow their own vertices."""
+    lines, before = [], 0
+    for own in (mesh.submesh([part], append=True) for part in np.split(np.arange(12), [2])):
+        lines += ["v {} {} {}\nvt 0 0".format(*vertex) for vertex in own.vertices]
+        for face in own.faces:
+            numbers = [(before + i + 1, i - len(own.vertices)) for i in face]
+            lines.append("f " + " ".join(corner.format(first, back) for first, back in numbers))
+        before += len(own.vertices)
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("corner", ["{1}", "{1}/{1}", "\\\n{1}"])
+def test_vertices_counted_back_from_the_face(tmp_path: Path, corner: str) -> None:
+    """Wavefront's negative numbers: as the same counted from the beginning of the file."""
+    path = tmp_path / "rock.obj"
+    path.write_text(in_two_objects(prism(HEIGHT, SHIFT), "{0}"))
+    first = mesh_files.read(path)
+    path.write_text(in_two_objects(prism(HEIGHT, SHIFT), corner))
+    back = mesh_files.read(path)
+    np.testing.assert_array_equal(back.triangles, first.triangles)
+    assert back.volume == pytest.approx(area() * HEIGHT)
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 -2 -1\nv 0 0 1\n")
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        mesh_files.read(path)
+
+
 @pytest.mark.parametrize("turned", [(0,), (3,), (1, 6)])
 def test_single_faces_are_turned(
     tmp_path: Path, vsr: Callable[..., object], derived: Path, turned: tuple[int, ...]
