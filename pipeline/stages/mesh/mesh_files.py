@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -42,7 +44,8 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
         with path.open("rb") as file:
             if kind == "glb":
                 _require_plain_gltf(file)
-            mesh = trimesh.load(file, file_type=kind, resolver={}, force="mesh", process=False)
+            text = io.BytesIO(_counted_from_the_first(file.read())) if kind == "obj" else file
+            mesh = trimesh.load(text, file_type=kind, resolver={}, force="mesh", process=False)
     except InvalidInput:
         raise
     except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)
@@ -61,16 +64,40 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
 
 
 def _require_plain_gltf(file: BinaryIO) -> None:
-    """Refuse what trimesh passes over: coordinates that are replaced, packed or made integers."""
+    """Refuse what trimesh passes over: coordinates replaced, packed, made integers or deformed."""
     length = int.from_bytes(file.read(16)[12:], "little")
     scene = json.loads(file.read(length + 4)[4:])
     file.seek(0)
     needed = [f"extension {name}" for name in scene.get("extensionsRequired", ())]
     if any("sparse" in accessor for accessor in scene.get("accessors", ())):
         needed.append("sparse accessors")
+    nodes = scene.get("nodes", [])
+    if any(any(part.get("weights", ())) for part in scene.get("meshes", []) + nodes):
+        needed.append("morph targets")
+    if any("skin" in node for node in nodes):
+        needed.append("a skin")
     if needed:
         given = f"a glTF file that needs {listed(needed)}"
         raise InvalidInput(given, "its coordinates are plain", "export it without, or as .ply")
+
+
+def _counted_from_the_first(text: bytes) -> bytes:
+    """An OBJ text whose faces name no vertices by how far before the face they are.
+
+    Such negative numbers count back from the face's own line ("Object Files", appendix B1 of the
+    manual of Wavefront's Advanced Visualizer); trimesh counts from the end of the file. Those of
+    textures and normals are left, as neither is used.
+    """
+    text = b"\n" + re.sub(rb"\\\r?\n", b"", text.strip())  # without lines that go on in the next
+    vertices, seen = range(1, 1), 0
+
+    def face(line: re.Match[bytes]) -> bytes:
+        nonlocal vertices, seen
+        more = text.count(b"\nv ", seen, line.start())
+        vertices, seen = range(1, len(vertices) + more + 1), line.start()
+        return re.sub(rb"(?<=[ \t])-\d+", lambda back: b"%d" % vertices[int(back[0])], line[0])
+
+    return re.sub(rb"^f[ \t].*-.*", face, text, flags=re.MULTILINE)
 
 
 def _require_faces_of_vertices(mesh: trimesh.Trimesh) -> None:

@@ -50,13 +50,14 @@ def read_waveforms(
     import obspy  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
     doubts, inventory = list[str](), None
-    if kind == "KNET":
-        _check_knet(content)
+    rate = _checked_rate_of_knet(content) if kind == "KNET" else None
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             # By name: left to find out, ObsPy tries Python's pickles too, which run what they hold.
             stream = obspy.read(io.BytesIO(content), format=kind)
+            if rate is not None:
+                stream[0].stats.sampling_rate = rate  # of which ObsPy takes the whole part
             if kind == "MSEED":
                 miniseed.check(content)
             if kind == "SACXY" and not content.endswith(b"\n"):
@@ -149,15 +150,17 @@ _KNET_SIZE = re.compile(
 )
 
 
-def _check_knet(content: bytes) -> None:
-    """Refuse a K-NET file with other samples than its header says, or a last one that is cut."""
+def _checked_rate_of_knet(content: bytes) -> float:
+    """Samples per second [Hz] by the header of a K-NET file, if it is whole.
+
+    Refuses a file with other samples than its header says, or a last one that is cut.
+    """
     lines = content.decode("latin-1").splitlines()
     said = dict(_KNET_SIZE.findall("\n".join(lines[:_KNET_HEADER])))
     samples = [line.rstrip() for line in lines[_KNET_HEADER:]]
     number = sum(len(line.split()) for line in samples)
-    wanted = float(said.get("Duration Time(s)", "nan")) * float(
-        said.get("Sampling Freq(Hz)", "nan")
-    )
+    rate = float(said.get("Sampling Freq(Hz)", "nan"))
+    wanted = float(said.get("Duration Time(s)", "nan")) * rate
     if number != wanted or not number:
         given = f"a K-NET file of {number} samples that says {wanted:g}"
         raise InvalidInput(given, "it holds some, as many as it says", "download it again")
@@ -165,6 +168,7 @@ def _check_knet(content: bytes) -> None:
     if all(line == ends[0] for line in ends[:-1]) and ends[-1] != ends[0][: len(ends[-1])]:
         given = f"a K-NET file that ends in {samples[-1][-9:]!r}, which is out of column"
         raise InvalidInput(given, "it is whole", "download it again")
+    return rate
 
 
 def from_stream(stream: Any, unit: str | None) -> Record:

@@ -185,23 +185,43 @@ def test_file_cut_short(tmp_path: Path, refused: Refused, kind: str) -> None:
     refused("run", "rock", "--site", where, words=words, page=page)
 
 
+def glb(path: Path, change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+    """Write the ball, with another scene beside its coordinates."""
+    content = ball().export(file_type="glb")
+    length = int.from_bytes(content[12:16], "little")
+    text = json.dumps(change(json.loads(content[20 : 20 + length]))).encode()
+    text += b" " * (-len(text) % 4)
+    sizes = len(content) - length + len(text), len(text)
+    head = b"glTF" + b"".join(n.to_bytes(4, "little") for n in (2, *sizes)) + content[16:20]
+    path.write_bytes(head + text + content[20 + length :])
+
+
+def test_morph_targets_without_weight_are_read(tmp_path: Path) -> None:
+    def unused(scene: dict[str, Any]) -> dict[str, Any]:
+        (mesh,) = scene["meshes"]
+        (part,) = mesh["primitives"]
+        part["targets"] = [{"POSITION": part["attributes"]["POSITION"]}]
+        return scene | {"meshes": [mesh | {"weights": [0.0]}]}
+
+    glb(tmp_path / "rock.glb", unused)
+    found = mesh_files.read(tmp_path / "rock.glb")
+    assert found.volume == pytest.approx(ball().volume, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("more", "told"),
     [
         ({"extensionsRequired": ["KHR_mesh_quantization"]}, "extension KHR_mesh_quantization"),
         ({"accessors": [{"sparse": {}}]}, "sparse accessors"),
+        ({"meshes": [{"weights": [0.0, 1.0]}]}, "morph targets"),
+        ({"nodes": [{"mesh": 0, "weights": [0.5]}]}, "morph targets"),
+        ({"nodes": [{"mesh": 0, "skin": 0}]}, "a skin"),
     ],
 )
 def test_coordinates_that_trimesh_passes_over(
     tmp_path: Path, refused: Refused, more: dict[str, Any], told: str
 ) -> None:
-    content = ball().export(file_type="glb")
-    length = int.from_bytes(content[12:16], "little")
-    text = json.dumps(json.loads(content[20 : 20 + length]) | more).encode()
-    text += b" " * (-len(text) % 4)
-    sizes = len(content) - length + len(text), len(text)
-    head = b"glTF" + b"".join(n.to_bytes(4, "little") for n in (2, *sizes)) + content[16:20]
-    (tmp_path / "rock.glb").write_bytes(head + text + content[20 + length :])
+    glb(tmp_path / "rock.glb", lambda scene: scene | more)
     where = site(tmp_path, "rock.glb")
     refused("run", "rock", "--site", where, words=("rock.mesh", "rock.glb", told, "plain"))
 
@@ -370,6 +390,33 @@ def test_vertices_split_by_texture_are_merged(
         lines.append("f " + " ".join(f"{n}/{n}/{n}" for n in range(corner - 2, corner + 1)))
     (tmp_path / "rock.obj").write_text("\n".join(lines))
     see_that_it_is_the_prism(weighed(vsr, tmp_path, derived, "rock.obj"))
+
+
+def in_two_objects(mesh: trimesh.Trimesh, corner: str) -> str:
+    """An OBJ text of a prism in which its base, and then the rest, follow their own vertices."""
+    lines, before = [], 0
+    for own in (mesh.submesh([part], append=True) for part in np.split(np.arange(12), [2])):
+        lines += ["v {} {} {}\nvt 0 0".format(*vertex) for vertex in own.vertices]
+        for face in own.faces:
+            numbers = [(before + i + 1, i - len(own.vertices)) for i in face]
+            lines.append("f " + " ".join(corner.format(first, back) for first, back in numbers))
+        before += len(own.vertices)
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("corner", ["{1}", "{1}/{1}", "\\\n{1}"])
+def test_vertices_counted_back_from_the_face(tmp_path: Path, corner: str) -> None:
+    """Wavefront's negative numbers: as the same counted from the beginning of the file."""
+    path = tmp_path / "rock.obj"
+    path.write_text(in_two_objects(prism(HEIGHT, SHIFT), "{0}"))
+    first = mesh_files.read(path)
+    path.write_text(in_two_objects(prism(HEIGHT, SHIFT), corner))
+    back = mesh_files.read(path)
+    np.testing.assert_array_equal(back.triangles, first.triangles)
+    assert back.volume == pytest.approx(area() * HEIGHT)
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 -2 -1\nv 0 0 1\n")
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        mesh_files.read(path)
 
 
 @pytest.mark.parametrize("turned", [(0,), (3,), (1, 6)])
