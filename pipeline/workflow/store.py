@@ -70,6 +70,18 @@ class Manifest(BaseModel):
     place: str = ""
 
 
+class Note(BaseModel):
+    """What runs took, of a line of the log: wall clock and CPU [s]; a cluster's workers are -1."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+    stage: str
+    runs: int = Field(ge=0)
+    seconds: float = Field(ge=0)
+    cpu_seconds: float = Field(ge=0)
+    workers: int = Field(ge=-1)
+
+
 def read_manifest(path: Path, *, changed: bool = False) -> dict[str, Any] | None:
     """What a manifest says; None if there is none, or what is there is none.
 
@@ -302,7 +314,7 @@ class Store:
         """Facts noted about a stage, oldest first."""
         path = self.folder / LOG
         lines = path.read_bytes().splitlines() if path.is_file() else []
-        return [fact for fact in map(_noted, lines) if fact.get("stage") == stage]
+        return [note.model_dump() for note in map(_noted, lines) if note and note.stage == stage]
 
     def _put(self, final: Path, write: Writer) -> str:
         part = self.folder / f".part-{os.getpid()}-{final.name}"
@@ -328,11 +340,11 @@ def _shown_in(path: Path) -> set[str]:
         return set()
 
 
-def _noted(line: bytes) -> dict[str, Any]:
-    """Facts of a line of the log; none of one that was torn."""
-    with suppress(ValueError, TypeError):
-        return dict(json.loads(line))
-    return {}
+def _noted(line: bytes) -> Note | None:
+    """What a line of the log says; None of one that was torn or damaged."""
+    with suppress(ValueError):
+        return Note.model_validate_json(line)
+    return None
 
 
 def _no_link(path: str, flags: int) -> int:

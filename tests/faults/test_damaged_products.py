@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -14,6 +15,7 @@ from typing import Any
 import pytest
 
 from pipeline.config.problems import InputError
+from pipeline.stages.figures import making
 from pipeline.workflow import owner
 from pipeline.workflow.owner import LOCK, SILENCE, Ownership
 from pipeline.workflow.run_store import RUNS
@@ -78,19 +80,50 @@ def test_cut_products_are_noticed_and_made_again(
         assert contents(folder) == whole
 
 
+NOTE = {"runs": 12, "seconds": 0.5, "cpu_seconds": 0.25, "workers": 2}
+LINE = json.dumps({"stage": "runs", **NOTE})
+ODD = (None, [1], "12", -2, math.nan)
+
+
+@pytest.mark.parametrize("name", NOTE)
+def test_damaged_line_of_the_log_is_passed_over(tmp_path: Path, name: str) -> None:
+    """Each key by one letter, and each value; no number is NaN or so negative."""
+    damaged = [LINE.replace(f'"{name}":', f'"{chr(ord(name[0]) ^ 1)}{name[1:]}":')]
+    damaged += [json.dumps({"stage": "runs", **NOTE, name: odd}) for odd in ODD]
+    for line in (*damaged, "[]", "7", LINE.replace("12", "12,"), "[" * 10**5):
+        (tmp_path / LOG).write_text(f"{LINE}\n{line}\n{LINE}\n")
+        assert Store(tmp_path).notes("runs") == 2 * [{"stage": "runs", **NOTE}], line[:99]
+
+
+def test_damaged_log_is_no_matter_to_a_plan_and_the_claims(
+    write_site: Callable[..., str], derived: Path, vsr: Command
+) -> None:
+    for name in ("rock", "double_rock"):
+        (derived / name).mkdir(parents=True)
+        damaged = LINE.replace('"runs":', '"suns":')
+        (derived / name / LOG).write_text(f"{LINE}\n{damaged}\n")
+    ran = vsr("plan", "--site", write_site(GRID))
+    assert ran.code == 0, ran.err
+    speed, _ = making.speed_findings(derived)
+    assert "(12 runs)" in speed.measured
+
+
 @pytest.mark.slow
-def test_cut_log_is_no_matter(run: Command, derived: Path, vsr: Command) -> None:
-    """A line that was never ended, as a kill or a full disk leaves it."""
+def test_damaged_log_is_no_matter(run: Command, derived: Path, vsr: Command) -> None:
+    """A line that was never ended, as a kill or a full disk leaves it; a bit of a key."""
     assert run("fragility").code == 0
     folder = derived / "rock"
     log = (folder / LOG).read_bytes()
-    for length in range(0, len(log), len(log) // 2):
-        (folder / LOG).write_bytes(log[:length])
+    cut = [log[:length] for length in range(0, len(log), len(log) // 2)]
+    flipped = [log.replace(b'"runs": ', b'"suns": '), log.replace(b"_seconds", b"_secondr")]
+    for damaged in (*cut, *flipped):
+        assert damaged != log
+        (folder / LOG).write_bytes(damaged)
         (folder / "report.html").unlink()
         ran = run("fragility")
         assert ran.code == 0, ran.err
         assert vsr("plan", "--site", str(folder.parent.parent / "rock.yaml")).code == 0
-        assert (folder / LOG).read_bytes().startswith(log[:length])
+        assert (folder / LOG).read_bytes().startswith(damaged)
 
 
 # A full disk

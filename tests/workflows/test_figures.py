@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 
 from pipeline import cli
 from pipeline.drawing import style
-from pipeline.stages.figures import fig_08, fig_16, making, paper
+from pipeline.stages.figures import fig_08, fig_12, fig_16, making, paper
 
 GRID = ("--set", "motion.pga={start: 0.05, stop: 0.5, num: 10}",
         "--set", "motion.pgv_pga={start: 0.05, stop: 0.35, num: 3}")  # fmt: skip
@@ -131,6 +132,35 @@ def test_a_figure_is_of_the_present_settings_that_it_reads(
         assert figures(tmp_path, "--fig", "16", *given) == 0
         told = json.loads((tmp_path / "figures" / "fig_16.json").read_text())["findings"]
         assert [one["measured"] for one in told] == [str(place)]
+
+
+def test_figures_of_a_former_rock_are_not_on_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The rock of Fig. 16 is another one when Fig. 12 is made, and then it is the former again."""
+    for name, figure in (("Fig. 12", fig_12), ("Fig. 16", fig_16)):
+        found = [paper.Finding("", f"A claim of {name}.", "", "", found=True)]
+        monkeypatch.setattr(figure, "SOURCES", {"displacement": paper.Source("w2_55cm", "rock")})
+        monkeypatch.setattr(figure, "draw", lambda _: Figure())
+        monkeypatch.setattr(figure, "findings", lambda _, found=found: found)
+
+    def reproduced(fig: str, *given: str) -> list[str]:
+        """Figures that are on the page with a picture, of which each has one claim."""
+        assert figures(tmp_path, "--fig", fig, *given) == 0
+        page = (tmp_path / "figures" / "claims.html").read_text()
+        there = re.findall(r"A claim of (Fig\. \d+)", page)
+        assert f" {len(there)} w" in page  # were, or was, reproduced
+        assert page.count("<img ") == len(there)
+        return there
+
+    assert reproduced("16", "--set", "rock.density=2000") == ["Fig. 16"]
+    assert reproduced("12") == ["Fig. 12", "Fig. 16"]  # that tells with what it was made
+    monkeypatch.setattr(fig_16, "SOURCES", {"displacement": paper.Source("w2_5.5cm", "rock")})
+    assert reproduced("12") == ["Fig. 12"]
+    monkeypatch.setattr(fig_16, "SOURCES", {"displacement": paper.Source("no_such", "rock")})
+    assert reproduced("12") == ["Fig. 12"]
+    monkeypatch.setattr(fig_16, "SOURCES", {"displacement": paper.Source("w2_55cm", "rock")})
+    assert reproduced("12") == ["Fig. 12", "Fig. 16"]
 
 
 def test_a_figure_that_there_is_not_is_refused(

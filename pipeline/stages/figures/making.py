@@ -74,17 +74,10 @@ def make(options: argparse.Namespace, cluster: Cluster, log: Callable[[str], Non
             unresolved += _bring(stages, sites[there[0]], stores[there[0]], asked)
     with store:
         for name, figure in figures.items():
-            needs = {
-                told: graph.identities(source.stage, sites[source])[source.stage].key
-                for told, source in figure.SOURCES.items()
-            }
-            settings = {
-                told: {key: Values(sites[figure.SOURCES[told]].settings).plain(key) for key in own}
-                for told, own in paper.settings(figure).items()
-            }
             folders = {told: stores[source].folder for told, source in figure.SOURCES.items()}
-            _draw(name, figure, needs, settings, folders, store, asked)
-        publish(store, asked.derived)
+            own = {told: sites[source] for told, source in figure.SOURCES.items()}
+            _draw(name, figure, own, folders, store, asked)
+        publish(store, asked)
     return unresolved
 
 
@@ -126,8 +119,7 @@ def _last(stages: set[str]) -> list[str]:
 def _draw(
     name: str,
     figure: paper.PaperFigure,
-    needs: dict[str, str],
-    settings: dict[str, dict[str, Any]],
+    sites: dict[str, Site],
     folders: dict[str, Path],
     store: Store,
     asked: Asked,
@@ -136,19 +128,14 @@ def _draw(
 
     Parameters
     ----------
-    needs, settings, folders : dict
-        Key of each dataset, what the figure reads of its site's settings as they are now, which may
-        be others than when it was made, and the folder where it is, as the figure names it.
+    sites, folders : dict, of what each dataset is, and where, as the figure names it
     """
-    module = f"{paper.__package__}.{name}"
-    stage = Stage(name, f"{module}:draw", code=(f"{module}:findings",), versions=_LIBRARIES)
-    inputs = {path.name: keys.digest_file(path) for path in paper.inputs(figure)}
-    identity = graph.made_from(stage, settings, inputs, needs)
+    stage, identity = _identity(name, figure, sites)
     if not any(graph.why(stage, identity, store)):
         return
     store.open()
     data = {told: dataset(source, folders[told]) for told, source in figure.SOURCES.items()}
-    for told, own in settings.items():
+    for told, own in identity.facts["config"].items():
         data[told].attrs |= own
     recorded = asked.record and any(one.study == RECORDED for one in figure.SOURCES.values())
     other = [*asked.settings, *([f"record={Path(asked.record).name}"] if recorded else [])]
@@ -167,21 +154,38 @@ def _draw(
     asked.log(f"{FOLDER}: {name}")
 
 
+def _identity(
+    name: str, figure: paper.PaperFigure, sites: dict[str, Site]
+) -> tuple[Stage, graph.Identity]:
+    """A figure as a stage, and what it would be made from now.
+
+    That is the key of each dataset, and what the figure reads of its site's settings as they are
+    now, which may be others than when the dataset was made.
+    """
+    needs = {
+        told: graph.identities(source.stage, sites[told])[source.stage].key
+        for told, source in figure.SOURCES.items()
+    }
+    settings = {
+        told: {key: Values(sites[told].settings).plain(key) for key in own}
+        for told, own in paper.settings(figure).items()
+    }
+    inputs = {path.name: keys.digest_file(path) for path in paper.inputs(figure)}
+    module = f"{paper.__package__}.{name}"
+    stage = Stage(name, f"{module}:draw", code=(f"{module}:findings",), versions=_LIBRARIES)
+    return stage, graph.made_from(stage, settings, inputs, needs)
+
+
 PAGE = "claims.html"
 
 LONGEST_TEST = 60.0
 """Time of one experiment that the paper gives [s], "a few seconds up to a minute"."""
 
 
-def publish(store: Store, derived: Path) -> None:
-    """Fill in the page from the figures that are there, unless it is so already.
-
-    Parameters
-    ----------
-    derived : Path, of all products, whose logs say how long runs took
-    """
-    sections = [_section(store, name) for name in paper.names()]
-    speed = speed_findings(derived)
+def publish(store: Store, asked: Asked) -> None:
+    """Fill in the page from the figures that are there, unless it is so already."""
+    sections = [_section(store, name, asked) for name in paper.names()]
+    speed = speed_findings(asked.derived)
     rows = [finding for section in sections for finding in section["findings"]] + speed
     facts = {
         "sections": sections,
@@ -199,18 +203,36 @@ def publish(store: Store, derived: Path) -> None:
     store.publish("claims", manifest, {PAGE: writers.text(text)})
 
 
-def _section(store: Store, name: str) -> dict[str, Any]:
-    """Title, picture and findings of a figure; without the latter two if it was never made."""
+def _section(store: Store, name: str, asked: Asked) -> dict[str, Any]:
+    """Title, picture and findings of a figure; without the latter two if it is not of today."""
     label, option = _label(name), name.removeprefix("fig_").lstrip("0")
     section: dict[str, Any] = {"name": name, "label": label, "option": option, "findings": []}
     section |= {"title": paper.load(name).TITLE, "image": ""}
     if store.manifest(name) is None or store.damage(name):
         return section
     stored = json.loads((store.folder / f"{name}.json").read_text(encoding="utf-8"))
+    if not _is_of_today(store, name, stored["settings"], asked):
+        return section
     section["settings"] = stored["settings"]
     section["findings"] = [Finding(**finding) for finding in stored["findings"]]
     section["image"] = data_uri((store.folder / f"{name}.png").read_bytes(), "png")
     return section
+
+
+def _is_of_today(store: Store, name: str, settings: list[str], asked: Asked) -> bool:
+    """Whether a figure would be made of the same now, with the settings that it was made with.
+
+    One of a record is where the same is asked for: where that lies is not kept.
+    """
+    figure, given = paper.load(name), [s for s in settings if not s.startswith("record=")]
+    record = asked.record if len(given) < len(settings) else ""
+    own = replace(asked, settings=tuple(given), record=record)
+    try:
+        sites = {told: _site(source, own) for told, source in figure.SOURCES.items()}
+        made = _identity(name, figure, sites)
+    except InputError:  # its site cannot be read any more
+        return False
+    return not any(graph.why(*made, store))
 
 
 def _label(name: str) -> str:

@@ -24,6 +24,7 @@ from pipeline import cli
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.motions import motion_grid
+from pipeline.stages.motions.motion_grid import Cell
 from pipeline.stages.replay import replay_page
 from pipeline.stages.replay.choice import chosen, neighbour, other
 from pipeline.stages.replay.film import Played, played
@@ -180,6 +181,17 @@ def test_the_neighbour_is_the_nearest_that_ends_otherwise(
             assert abs(second.cell.pga - first.cell.pga) == pytest.approx(
                 np.abs(others - first.cell.pga).min()
             )
+
+
+def test_without_one_in_its_row_the_neighbour_is_of_the_nearest_row(study: Study) -> None:
+    """As docs/replay.md says: beside a nearer one of another row goes one of its own."""
+    pga = study.motions.pga
+    first = chosen(config_of(study), study.motions, CELL | {"pga": "0.2"})
+    overturned = np.zeros((len(study.motions.rows), len(pga)), dtype=int)
+    overturned[0, 0] = overturned[first.cell.row - 1, 1] = 1
+    assert neighbour(overturned, pga, first).cell == Cell(first.cell.row - 1, pga[1])
+    overturned[first.cell.row, -1] = 1
+    assert neighbour(overturned, pga, first).cell == Cell(first.cell.row, pga[-1])
 
 
 # ---- The run of the study
