@@ -31,7 +31,6 @@ from vsr_core.run.agreement import (
     BAND,
     HALVINGS,
     WINDOW,
-    WORST,
     Answer,
     agrees_from,
     answer,
@@ -275,7 +274,7 @@ def _row(
         tried = trial(share)
         error.append(agrees_from(tried, passing, known.boundary))
         steps.append(tried.steps / tried.runs)
-        shift.append(min(abs(found(tried) / expected - 1.0), WORST))
+        shift.append(abs(found(tried) / expected - 1.0))
     errors, shifts = np.array(error), np.array(shift)
     errors = np.fmax(errors, shifts) if known.exact else errors
     return Row(pgv_pga, known.boundary, known.exact, errors, shifts, np.array(steps))
@@ -286,9 +285,8 @@ def _halved(topples: Topples, ends: tuple[float, float]) -> float:
 
 
 def _lowest(topples: Topples, ends: tuple[float, float]) -> float:
-    """The lowest boundary between two PGAs, the upper end where there is none [m/s^2]."""
-    found = first_boundary(topples, np.arange(*ends, BAND * ends[0]), 3).middle
-    return found if math.isfinite(found) else ends[1]
+    """The lowest boundary between two PGAs [m/s^2]; nan if there is none."""
+    return first_boundary(topples, np.arange(*ends, BAND * ends[0]), 3).middle
 
 
 class _Trial:

@@ -157,19 +157,10 @@ def load(path: Path) -> SampledMotion:
         _unit(columns[axis]) * columns[axis].values if axis in columns else np.zeros_like(time)
         for axis in AXES
     ]
-    motion = _without_rest(sampled(time, np.column_stack(axes)))
+    motion = sampled(time, np.column_stack(axes))
     _check_noise(motion, columns)
     _check_way(motion, columns)
     return motion
-
-
-def _without_rest(motion: SampledMotion) -> SampledMotion:
-    """From where the table begins to move to where it stops: there its acceleration may jump."""
-    moves = np.flatnonzero(np.diff(motion.samples, axis=0).any(axis=1))
-    if len(moves) < LEAST_SAMPLES:
-        return motion
-    own = slice(moves[0], moves[-1] + 2)
-    return replace(motion, time=motion.time[own], samples=motion.samples[own])
 
 
 def _columns(path: Path) -> Columns:

@@ -472,13 +472,46 @@ def test_response_of_obspys_example_is_removed(tmp_path: Path) -> None:
     refusal(lambda: read(path.read_bytes(), ".mseed", bare), "motion.response.corners")
 
 
-@pytest.mark.parametrize("unit", ["M/S**2", "M/S"])
-@pytest.mark.parametrize("gap", [0, 3])
-def test_removing_a_response_silences_no_shaking(gap: int, unit: str) -> None:
-    """Of an instrument with a flat response, which shakes at 5 s of 300, beside a gap."""
+def of_counts(counts: np.ndarray, unit: str, step: float, without: slice) -> Record:
+    """The record of an instrument with a flat response of 1e6 counts, which left out a gap."""
     obspy = pytest.importorskip("obspy")
     from obspy.core.inventory import Channel, Inventory, Network, Response, Station
 
+    flat = Response.from_paz([], [], 1e6, input_units=unit, output_units="COUNTS")
+    channel = Channel("HNE", "", 0.0, 0.0, 0.0, 0.0, sample_rate=1.0 / step, response=flat)
+    station = Station("STA", 0.0, 0.0, 0.0, channels=[channel])
+    xml, waves = io.BytesIO(), io.BytesIO()
+    Inventory([Network("XX", [station])]).write(xml, format="STATIONXML")
+    head = {"network": "XX", "station": "STA", "channel": "HNE", "delta": step}
+    traces = [
+        obspy.Trace(np.round(part).astype("i4"), head | {"starttime": start})
+        for part, start in (
+            (counts[: without.start], obspy.UTCDateTime(0)),
+            (counts[without.stop :], obspy.UTCDateTime(0) + without.stop * step),
+        )
+    ]
+    obspy.Stream(traces).write(waves, format="MSEED")
+    how = Reading("HNE", None, xml.getvalue(), (0.05, 0.1, 25.0, 35.0))
+    return read(waves.getvalue(), ".mseed", how)
+
+
+@pytest.mark.parametrize("off", [[8e4], [8e4, 8e4], [-32768.0]])
+@pytest.mark.parametrize("unit", ["M/S**2", "M/S"])
+def test_samples_that_are_none_are_looked_for_before_the_response(
+    unit: str, off: list[float]
+) -> None:
+    """Divided by it and tapered at 25 Hz, they are smooth pulses of 2 to 30 times the PGA."""
+    time = 0.005 * np.arange(4000)
+    seen = 1e4 * np.exp(-(((time - 10.0) / 2.0) ** 2)) * np.sin(4.0 * np.pi * time)
+    assert of_counts(seen, unit, 0.005, slice(400, 400)).acceleration.size == 4000
+    seen[800 : 800 + len(off)] = off
+    refusal(lambda: of_counts(seen, unit, 0.005, slice(400, 400)), "(counts) at 4 s")
+
+
+@pytest.mark.parametrize("unit", ["M/S**2", "M/S"])
+@pytest.mark.parametrize("gap", [0, 3])
+def test_removing_a_response_silences_no_shaking(gap: int, unit: str) -> None:
+    """It shakes at 5 s of 300, beside a gap."""
     counts, step = 1e6, 0.01
     time = step * np.arange(30_000)
     swell, omega = 2.0 * np.exp(-(((time - 5.0) / 0.7) ** 2)), 8.0 * np.pi
@@ -486,23 +519,8 @@ def test_removing_a_response_silences_no_shaking(gap: int, unit: str) -> None:
     if unit == "M/S":
         turning = omega * np.cos(omega * time)
         shaking = swell * (turning - 2.0 * (time - 5.0) / 0.7**2 * np.sin(omega * time))
-    flat = Response.from_paz([], [], counts, input_units=unit, output_units="COUNTS")
-    channel = Channel("HNE", "", 0.0, 0.0, 0.0, 0.0, sample_rate=100.0, response=flat)
-    station = Station("STA", 0.0, 0.0, 0.0, channels=[channel])
-    xml, waves = io.BytesIO(), io.BytesIO()
-    Inventory([Network("XX", [station])]).write(xml, format="STATIONXML")
-    head = {"network": "XX", "station": "STA", "channel": "HNE", "delta": step}
     first, after = 460, 460 + gap
-    traces = [
-        obspy.Trace(np.round(counts * part).astype("i4"), head | {"starttime": start})
-        for part, start in (
-            (seen[:first], obspy.UTCDateTime(0)),
-            (seen[after:], obspy.UTCDateTime(0) + after * step),
-        )
-    ]
-    obspy.Stream(traces).write(waves, format="MSEED")
-    how = Reading("HNE", None, xml.getvalue(), (0.05, 0.1, 25.0, 35.0))
-    found = read(waves.getvalue(), ".mseed", how).acceleration
+    found = of_counts(counts * seen, unit, step, slice(first, after)).acceleration
     missing = np.isnan(found)
     assert np.flatnonzero(missing).tolist() == list(range(first, after))
     error = np.abs(found - shaking)[~missing].max()

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
+from vsr_core.motions.records.record import check_samples
 
 Corners = tuple[float, float, float, float]
 
@@ -44,6 +45,8 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
         there = places[~missing]  # a line between velocities would have jumps of acceleration
         within = np.clip(places, there[0], there[-1])
         whole = CubicSpline(there, counts.data[~missing])(within) if missing.any() else counts.data
+        if np.ptp(whole):  # the taper makes a smooth pulse of what is no sample
+            check_samples(whole, "counts", trace.stats.delta)
         line = np.polyval(np.polyfit(places, whole, 1), places)
         ends = min(math.ceil(1.0 / (corners[1] * trace.stats.delta)), len(whole))
         trace.data = _with_ends(whole - line, ends)

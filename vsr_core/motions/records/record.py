@@ -260,15 +260,8 @@ def repaired(record: Record) -> Record:
     values = record.acceleration
     if not len(values) or np.ptp(values) == 0.0:
         raise InvalidInput("a record whose samples are all alike", "it moves", "use another record")
-    if plain := is_acceleration(record.unit):
-        digits.refuse_mark(values / factor(record.unit), record.unit, record.interval)
-    scale, unit = (factor(record.unit), record.unit) if plain else (1.0, "m/s^2")
-    digits.refuse_spike(values / scale, unit, record.interval)
-    clipped = _flat_top(values)
-    if clipped:
-        given = f"{clipped} samples in a row at the record's extreme"
-        rule = "an instrument that is not clipped passes its peak"
-        raise InvalidInput(given, rule, "use another record or component")
+    unit = record.unit if is_acceleration(record.unit) else "m/s2"
+    check_samples(values / factor(unit), unit, record.interval)
     pga = float(np.abs(values - np.median(values)).max()) / GRAVITY
     if not WEAKEST <= pga <= STRONGEST:
         raise InvalidInput(
@@ -278,6 +271,26 @@ def repaired(record: Record) -> Record:
             "instrument's response (motion.response)",
         )
     return record
+
+
+def check_samples(values: Array, unit: str, step: float) -> None:
+    """Refuse marks of missing samples, spikes and flat tops in what an instrument recorded.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,), in the unit of the file, of acceleration or of counts
+    step : float [s]
+
+    Raises
+    ------
+    InvalidInput
+    """
+    digits.refuse_mark(values, unit, step)
+    digits.refuse_spike(values, unit, step)
+    if clipped := _flat_top(values):
+        given = f"{clipped} samples in a row at the record's extreme"
+        rule = "an instrument that is not clipped passes its peak"
+        raise InvalidInput(given, rule, "use another record or component")
 
 
 def check_rest(trace: Trace) -> None:
