@@ -200,7 +200,7 @@ def terrain_source(rock: xr.Dataset) -> str:
     return str(rock.attrs["shape_source"])
 
 
-_TRIED, _TOLERANCE = 100, 1e-3
+TRIED, _TOLERANCE = 100, 1e-3
 """Of the search on Housner's equation: PGAs tried up to the highest, and relative width."""
 
 
@@ -281,7 +281,7 @@ def housner(width: float, height: float, ratios: Array, highest: float) -> Array
     ----------
     width, height : float [m]
     ratios : ndarray, shape (rows,), PGV/PGA [s]
-    highest : float [g], up to which is looked
+    highest : float [g], up to which is looked; a band narrower than ``TRIED`` parts of it is missed
 
     Returns
     -------
@@ -293,7 +293,7 @@ def housner(width: float, height: float, ratios: Array, highest: float) -> Array
 @cache
 def _exact(width: float, height: float, ratio: float, highest: float) -> float:
     block, top = Block(0.5 * width, 0.5 * height), highest * GRAVITY
-    found = first_overturning_pga(block, ratio, top, top / _TRIED, _TOLERANCE)
+    found = first_overturning_pga(block, ratio, top, top / TRIED, _TOLERANCE)
     return found / GRAVITY if math.isfinite(found) else math.nan
 
 

@@ -66,7 +66,7 @@ def _curve(axes: Axes, responses: xr.Dataset, name: str) -> None:
         exact,
         color=colour,
         lw=1.1,
-        label=f"{text}: Housner's equation",
+        label=f"{text}: Housner's equation, tried every {pga[-1] / diagrams.TRIED:.3g} g",
         gid=f"{name}-housner",
     )
 
