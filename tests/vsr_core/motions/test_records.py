@@ -505,7 +505,7 @@ def test_samples_that_are_none_are_looked_for_before_the_response(
     seen = 1e4 * np.exp(-(((time - 10.0) / 2.0) ** 2)) * np.sin(4.0 * np.pi * time)
     assert of_counts(seen, unit, 0.005, slice(400, 400)).acceleration.size == 4000
     seen[800 : 800 + len(off)] = off
-    refusal(lambda: of_counts(seen, unit, 0.005, slice(400, 400)), "(counts) at 4 s")
+    refusal(lambda: of_counts(seen, unit, 0.005, slice(400, 400)), "(counts of HNE) at 4 s")
 
 
 @pytest.mark.parametrize("unit", ["M/S**2", "M/S"])

@@ -46,7 +46,7 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
         within = np.clip(places, there[0], there[-1])
         whole = CubicSpline(there, counts.data[~missing])(within) if missing.any() else counts.data
         if np.ptp(whole):  # the taper makes a smooth pulse of what is no sample
-            check_samples(whole, "counts", trace.stats.delta)
+            check_samples(whole, f"counts of {trace.stats.channel}", trace.stats.delta)
         line = np.polyval(np.polyfit(places, whole, 1), places)
         ends = min(math.ceil(1.0 / (corners[1] * trace.stats.delta)), len(whole))
         trace.data = _with_ends(whole - line, ends)

@@ -288,7 +288,7 @@ def check_samples(values: Array, unit: str, step: float) -> None:
     digits.refuse_mark(values, unit, step)
     digits.refuse_spike(values, unit, step)
     if clipped := _flat_top(values):
-        given = f"{clipped} samples in a row at the record's extreme"
+        given = f"{clipped} samples in a row at the record's extreme ({unit})"
         rule = "an instrument that is not clipped passes its peak"
         raise InvalidInput(given, rule, "use another record or component")
 
