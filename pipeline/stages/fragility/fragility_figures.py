@@ -51,7 +51,9 @@ def overturning_diagram(
         _boundary(axes, fit)
         _model(axes, fit)
     axes.set_xlabel(label("pga"))
-    _rows(axes, runs)
+    axes.set_ylabel(name_rows(axes, runs))
+    if rows_of(runs) == "record":  # whose names take room
+        axes.set_position((0.215, 0.3, 0.76, 0.63))
     axes.set_title(name)
     style.legend_below(figure, axes, 2, top=0.2)
     return figure
@@ -68,7 +70,7 @@ def cell_borders(figure: Figure, runs: xr.Dataset) -> tuple[Array, Array]:
     (axes,) = figure.axes
     axes.autoscale_view()
     to_share = axes.transData + figure.transFigure.inverted()
-    ends = style.cell_edges(runs["pga"].values), style.cell_edges(_heights(runs))
+    ends = style.cell_edges(runs["pga"].values), style.cell_edges(heights(runs))
     across = to_share.transform([(pga, ends[1][0]) for pga in ends[0]])[:, 0]
     up = to_share.transform([(ends[0][0], row) for row in ends[1]])[:, 1]
     return across, 1.0 - up
@@ -83,7 +85,7 @@ def _shown(runs: xr.Dataset) -> Indices:
     return kinds
 
 
-def _heights(data: xr.Dataset) -> Array:
+def heights(data: xr.Dataset) -> Array:
     """Where the rows of a diagram lie: at their PGV/PGA [s], records one above the other."""
     if rows_of(data) == "record":
         return np.arange(data.sizes["record"], dtype=np.float64)
@@ -91,19 +93,18 @@ def _heights(data: xr.Dataset) -> Array:
     return ratio
 
 
-def _rows(axes: Axes, runs: xr.Dataset) -> None:
+def name_rows(axes: Axes, runs: xr.Dataset) -> str:
+    """Name records at the side of a diagram, and tell what its rows are."""
     if rows_of(runs) == "pgv_pga":
-        axes.set_ylabel("PGV/PGA [s]")
-        return
+        return "PGV/PGA [s]"
     shown_every = -(-runs.sizes["record"] // _MOST_NAMED)
-    places = _heights(runs)[::shown_every]
+    places = heights(runs)[::shown_every]
     names = [
         f"{name[:_LONGEST]}\n{ratio:.3g} s"
         for name, ratio in zip(runs["record"].values, runs["pgv_pga"].values, strict=True)
     ]
     axes.set_yticks(places, names[::shown_every], fontsize=7)
-    axes.set_ylabel("record, with its PGV/PGA")
-    axes.set_position((0.215, 0.3, 0.76, 0.63))
+    return "record, with its PGV/PGA"
 
 
 def _thinned(values: Array) -> tuple[Indices, Array]:
@@ -114,7 +115,7 @@ def _thinned(values: Array) -> tuple[Indices, Array]:
 
 
 def _cells(axes: Axes, every: xr.Dataset) -> None:
-    all_pga, all_ratios = every["pga"].values, _heights(every)
+    all_pga, all_ratios = every["pga"].values, heights(every)
     (columns, across), (rows, up) = map(_thinned, (all_pga, all_ratios))
     runs = every.isel({"pga": columns, rows_of(every): rows})
     pga, ratio, kinds = all_pga[columns], all_ratios[rows], _shown(runs)
@@ -173,7 +174,7 @@ def _boundary(axes: Axes, fit: xr.Dataset) -> None:
     """
     first = fit["first_overturning_pga"].where(fit["first_overturning_pga_lower"] > 0.0).values
     ends = style.cell_edges(fit["pga"].values)
-    borders = style.cell_edges(_heights(fit))
+    borders = style.cell_edges(heights(fit))
     inside = (first >= ends[0]) & (first <= ends[-1])
     if inside.any():
         look: Any = {"color": "black", "lw": 1.2, "zorder": 3, "gid": "boundary"}
@@ -187,7 +188,7 @@ def _model(axes: Axes, fit: xr.Dataset) -> None:
     if name not in fit["model"].values:
         return
     model = fit.sel(model=name)
-    ratio, pga = _heights(fit), fit["pga"].values
+    ratio, pga = heights(fit), fit["pga"].values
     median = model["median_pga"].values
     inside = np.where((median >= pga[0]) & (median <= pga[-1]), median, np.nan)
     lower, upper = model["median_pga_interval"].values.T

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from pipeline.config.priors_schema import UncertaintyConfig
 from pipeline.drawing import style
+from pipeline.stages.fragility.fragility_figures import heights, name_rows
 from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty import unknowns
@@ -283,7 +284,7 @@ def bands(found: xr.Dataset, responses: xr.Dataset) -> Figure:
     rows = math.ceil(count / columns)
     figure = Figure(figsize=(2.3 * columns + 0.5, 2.2 * rows + 0.8), layout="constrained")
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    pga, edges = found["pga"].values, style.cell_edges(_heights(found))
+    pga, edges = found["pga"].values, style.cell_edges(heights(found))
     colours = ListedColormap([style.UNDECIDED, style.PROVED, "#e9aba6"])
     for number, axes in enumerate(panels.flat):
         if number >= count:
@@ -314,7 +315,7 @@ def bands(found: xr.Dataset, responses: xr.Dataset) -> Figure:
     for axes in panels.flat[max(count - columns, 0) : count]:  # with no other panel below
         axes.tick_params(labelbottom=True)
         axes.set_xlabel("PGA [g]")
-    figure.supylabel(_row_label(found), fontsize=9)
+    figure.supylabel(name_rows(panels[0, 0], responses), fontsize=9)
     handles = panels[0, 0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside lower center", ncols=min(columns, 2))
     return figure
@@ -348,25 +349,15 @@ def surface(found: xr.Dataset) -> Figure:
     """Probability of toppling over PGA and PGV/PGA, averaged over the directions."""
     figure = Figure(figsize=(5.6, 4.4), layout="constrained")
     axes = figure.add_subplot()
-    pga, heights, values = found["pga"].values, _heights(found), found["surface"].values
+    pga, rows, values = found["pga"].values, heights(found), found["surface"].values
     mesh = axes.pcolormesh(
-        style.cell_edges(pga), style.cell_edges(heights), values, cmap="RdYlBu_r", vmin=0, vmax=1
+        style.cell_edges(pga), style.cell_edges(rows), values, cmap="RdYlBu_r", vmin=0, vmax=1
     )
-    if min(values.shape) > 1:
-        lines = axes.contour(pga, heights, values, LEVELS, colors=style.INK, linewidths=0.9)
+    if min(values.shape) > 1 and rows_of(found) == "pgv_pga":  # nothing lies between two records
+        lines = axes.contour(pga, rows, values, LEVELS, colors=style.INK, linewidths=0.9)
         axes.clabel(lines, fmt=lambda level: f"{100 * level:g} %", fontsize=8)
+    named = found.assign(pgv_pga=found[_ratios(found)])
     bar = figure.colorbar(mesh, ax=axes)
     bar.set_label("probability of toppling")
-    axes.set(xlabel=label("pga"), ylabel=_row_label(found))
+    axes.set(xlabel=label("pga"), ylabel=name_rows(axes, named))
     return figure
-
-
-def _heights(data: xr.Dataset) -> np.ndarray:
-    """Where rows lie: at their PGV/PGA [s], records one above the other."""
-    if rows_of(data) == "record":
-        return np.arange(data.sizes["record"], dtype=np.float64)
-    return np.asarray(data["pgv_pga"].values)
-
-
-def _row_label(data: xr.Dataset) -> str:
-    return "number of the record" if rows_of(data) == "record" else "PGV/PGA [s]"

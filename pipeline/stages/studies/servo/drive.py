@@ -77,6 +77,7 @@ def make(
         "upper end of that interval: lowest PGA tried that overturns the rock, missing where none "
         "does"
     )
+    shift = _shift(dataset, [drive.servo for drive in drives].index(in_si.servo(servo)))
     drawn = {
         "drive_tracking": tracking(dataset),
         "drive_disturbance": disturbed(dataset),
@@ -94,7 +95,7 @@ def make(
         "levels": drive_runs.LEVELS,
         "mass": scenes.rock.mass,
         "table_mass": drives[-1].servo.mass if drives[-1].servo else math.nan,
-        "shift": _shift(dataset),
+        "shift": shift,
         "rows": np.column_stack([dataset["pgv_pga"], dataset["first_overturning_pga"].T]).tolist(),
         "drives": [drive.name for drive in drives],
     }
@@ -106,7 +107,7 @@ def make(
     for name, figure in drawn.items():
         made |= pictures(name, figure)
     worst = max(record["rms_m_per_s"] for record in records if not record["note"])
-    return Product(made, f"rms errors up to {worst:.2g} m/s; boundary {_shift(dataset)}")
+    return Product(made, f"rms errors up to {worst:.2g} m/s; boundary {shift}")
 
 
 def _dataset(
@@ -134,11 +135,11 @@ def _dataset(
     )
 
 
-def _shift(dataset: xr.Dataset) -> str:
-    """Change of the boundary from the table's frame to a servo, in words."""
+def _shift(dataset: xr.Dataset, at: int) -> str:
+    """Change of the boundary from the table's frame to one of the drives, in words."""
     boundary = dataset["first_overturning_pga"].values
     boundary = boundary[:, np.isfinite(boundary[0])]
-    change = 100.0 * (boundary[1:] / boundary[0] - 1.0)
+    change = 100.0 * (boundary[at] / boundary[0] - 1.0)
     change = change[np.isfinite(change)]
     if not change.size:
         return "outside the grid"

@@ -100,10 +100,10 @@ def test_a_made_motion_has_its_ratio_and_ends_at_rest() -> None:
         assert abs(float(trace.velocity[-1])) < 1e-3 * peaks[1]
 
 
-def test_a_row_that_only_a_servo_topples_has_no_shift() -> None:
-    rows = ("drive", "pgv_pga"), [[0.4, np.inf], [0.5, 0.6]]
-    assert "median row and by +25.0 % at most" in drive._shift(
-        xr.Dataset({"first_overturning_pga": rows})
+def test_the_shift_is_that_of_one_servo_and_of_the_rows_that_the_frame_topples() -> None:
+    rows = ("drive", "pgv_pga"), [[0.4, np.inf], [0.4, 0.6], [0.5, 0.6]]
+    assert "by +25.0 % in the median row and by +25.0 % at most" in drive._shift(
+        xr.Dataset({"first_overturning_pga": rows}), 2
     )
 
 

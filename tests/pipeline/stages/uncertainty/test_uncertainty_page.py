@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from pipeline.stages.uncertainty.uncertainty_page import bands
+from pipeline.stages.uncertainty.uncertainty_page import bands, surface
 
 PGA = [0.2, 0.4, 0.6, 0.8]
 NAMES = ("low", "median", "high")
@@ -42,3 +42,16 @@ def test_one_level_has_its_band_and_its_median() -> None:
     for one in axes.collections[1:]:
         (path,) = one.get_paths()
         np.testing.assert_allclose(np.ptp(path.vertices[:, 1]), np.ptp(axes.get_ylim()))
+
+
+def test_records_are_named_and_nothing_is_drawn_between_them() -> None:
+    found = xr.Dataset(
+        {"surface": (("record", "pga"), np.linspace(0.0, 1.0, 12).reshape(3, 4))},
+        {"record": ["a", "b", "c"], "record_pgv_pga": ("record", RATIO[:3]), "pga": PGA},
+    )
+    axes = surface(found).axes[0]
+    named = [tick.get_text() for tick in axes.get_yticklabels()]
+    assert named == ["a\n0.1 s", "b\n0.2 s", "c\n0.3 s"]
+    assert len(axes.collections) == 1  # the cells
+    pulses = found.rename(record="pgv_pga").assign_coords(pgv_pga=RATIO[:3])
+    assert len(surface(pulses).axes[0].collections) > 1
