@@ -231,8 +231,10 @@ def _both(one: Store, other: Store, file: str, name: str) -> Both | None:
 
 def _matched(a: xr.DataArray, b: xr.DataArray, axis: str) -> tuple[xr.DataArray, xr.DataArray, str]:
     """Two arrays at the places of a dimension that both have, and what that leaves out."""
-    if a[axis].dtype.kind == "f":  # so that a last digit parts nothing
-        a, b = (one.assign_coords({axis: one[axis].round(9)}) for one in (a, b))
+    if a[axis].dtype.kind == "f":
+        rounded = [one.assign_coords({axis: one[axis].round(9)}) for one in (a, b)]
+        if all(one.get_index(axis).is_unique for one in rounded):
+            a, b = rounded  # so that a last digit parts nothing
     first, second = (one[axis].values.tolist() for one in (a, b))
     if first == second:
         return a, b, ""

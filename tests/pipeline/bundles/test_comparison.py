@@ -11,6 +11,7 @@ import xarray as xr
 from conftest import Ran
 
 from pipeline import cli
+from pipeline.bundles.comparison import _matched
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.store import manifest_text, read_manifest
 
@@ -148,3 +149,14 @@ def test_what_is_no_result_is_refused(vsr: Callable[..., Ran], tmp_path: Path) -
     ran = vsr("compare", tmp_path, tmp_path / "nothing", "--to", tmp_path / "page.html")
     assert (ran.code, len(ran.err.splitlines())) == (cli.REFUSED, 1)
     assert not list(tmp_path.glob("*.html"))
+
+
+def test_places_that_differ_in_a_last_digit_are_the_same_unless_that_makes_two_of_one() -> None:
+    one = xr.DataArray([1.0, 2.0], {"friction": [0.6, 0.8]}, "friction")
+    other = one.assign_coords(friction=[0.6 + 1e-12, 0.8])
+    a, b, note = _matched(one, other, "friction")
+    assert (a.values.tolist(), b.values.tolist(), note) == ([1.0, 2.0], [1.0, 2.0], "")
+    close = xr.DataArray([1.0, 2.0, 3.0], {"friction": [0.6, 0.6 + 1e-12, 0.9]}, "friction")
+    a, b, note = _matched(close, one, "friction")
+    assert (a.values.tolist(), b.values.tolist()) == ([1.0], [1.0])
+    assert "1 of 3 and 2 friction in both" in note

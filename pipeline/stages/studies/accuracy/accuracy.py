@@ -333,7 +333,7 @@ def boundary_convergence(
             color=INK if kept else SERIES[at % len(SERIES)],
             linewidth=2.2 if kept else 0.9,
             linestyle="--" if at == len(errors) - 1 else "-",
-            marker=MARKERS[at % len(MARKERS)] if not kept else None,
+            marker=MARKERS[at // len(SERIES) % len(MARKERS)] if not kept else None,
             markersize=4,
             label=name,
         )
