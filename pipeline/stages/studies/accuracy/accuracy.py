@@ -349,6 +349,7 @@ def boundary_convergence(
         fontsize=8,
     )
     _percent_axis(axes)
+    axes.set_ylim(top=125.0 * max(WORST, *(float(error.max()) for _, error in errors)))
     axes.set_xscale("log")
     axes.set_xticks(steps, [f"{step:.2g}" for step in steps])
     axes.xaxis.set_minor_formatter(NullFormatter())
