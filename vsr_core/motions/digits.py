@@ -25,8 +25,9 @@ they leave is told from a jump of the acceleration."""
 _SHARP, _LONE = 0.75, 5.0
 """Share of what a lone value has, and times what is around, from which on a bend is none."""
 
-_HELD = 2.5
-"""How much harder a motion may stop and start than it bends elsewhere."""
+_STILL, _HELD = 0.02, 2.5
+"""Share of the largest step that is none, as that of a last digit that flickers; how much harder a
+motion may stop and start than it bends elsewhere."""
 
 _REST = 8
 """Samples of rest before and after a motion."""
@@ -139,7 +140,8 @@ def refuse_held(values: Array, name: str, times: Array) -> None:
     InvalidInput
     """
     size, corners = np.abs(np.diff(values, 2)), np.zeros(len(values), dtype=bool)
-    for start, length in runs(np.diff(values) == 0.0):
+    steps = np.abs(np.diff(values))
+    for start, length in runs(steps <= _STILL * steps.max()):
         if length > 1:
             corners[[max(start - 1, 0), start]] = True
             corners[[start + length, min(start + length + 1, len(values) - 1)]] = True
