@@ -268,25 +268,45 @@ def _row(
     error, shift, steps = [], [], []
     # not about the boundary, at which the first trial would agree by luck
     ends = (1.0 - WINDOW) * known.boundary, (1.0 + 1.5 * WINDOW) * known.boundary
-    found = partial(_lowest if known.exact else _halved, ends=ends)
-    expected = known.boundary if known.exact else found(fine)
+    right = (lambda pga: passing(pga) == {True}) if known.exact else fine
+    looks = [partial(_lowest, ends, 0.0), partial(_lowest, ends, 0.5)]
+    looks = looks if known.exact else [partial(_halved, ends)]
+    expected = cache(lambda look: look(right))
     for share in ladder.shares:
         tried = trial(share)
         error.append(agrees_from(tried, passing, known.boundary))
         steps.append(tried.steps / tried.runs)
-        shift.append(abs(found(tried) / expected - 1.0))
+        shift.append(_shift(tried, looks, expected))
     errors, shifts = np.array(error), np.array(shift)
     errors = np.fmax(errors, shifts) if known.exact else errors
     return Row(pgv_pga, known.boundary, known.exact, errors, shifts, np.array(steps))
 
 
-def _halved(topples: Topples, ends: tuple[float, float]) -> float:
+Look = Callable[[Topples], float]
+"""Finds a boundary [m/s^2]."""
+
+
+def _shift(tried: Topples, looks: Sequence[Look], expected: Callable[[Look], float]) -> float:
+    """How far a boundary is from the one expected, by the look that finds them nearest.
+
+    A narrow band that one look meets and another steps over is there or not by luck.
+    """
+    least = math.inf
+    for look in looks:
+        least = float(np.fmin(least, abs(look(tried) / expected(look) - 1.0)))
+        if least <= BAND:
+            break
+    return least if math.isfinite(least) else math.nan
+
+
+def _halved(ends: tuple[float, float], topples: Topples) -> float:
     return halved(topples, *ends, HALVINGS).middle
 
 
-def _lowest(topples: Topples, ends: tuple[float, float]) -> float:
-    """The lowest boundary between two PGAs [m/s^2]; nan if there is none."""
-    return first_boundary(topples, np.arange(*ends, BAND * ends[0]), 3).middle
+def _lowest(ends: tuple[float, float], offset: float, topples: Topples) -> float:
+    """The lowest boundary between two PGAs [m/s^2] in steps of a band; nan if there is none."""
+    levels = np.arange(*ends, BAND * ends[0]) + offset * BAND * ends[0]
+    return first_boundary(topples, levels, 3).middle
 
 
 class _Trial:

@@ -177,6 +177,26 @@ def test_a_lowest_band_that_a_step_loses_is_an_error_of_a_block(
     np.testing.assert_allclose(row.shift[~coarse], 0.0, atol=0.003)
 
 
+@pytest.mark.parametrize("moved", [0.0, 0.015])
+def test_a_band_too_narrow_to_be_found_is_no_error_of_a_block(
+    monkeypatch: pytest.MonkeyPatch, moved: float
+) -> None:
+    """It topples for .02 m/s^2 about 10.06, where the first look finds it, or just does not."""
+    unit = time_step.step_unit(SLENDER.full.rock)
+
+    def falls(pga: float, by: float = 0.0) -> bool:
+        return 10.05 < pga - by < 10.07 or pga > 10.4
+
+    def fake(case: Case, motion: CosinePulse, settings: Settings) -> Response:
+        fell = falls(motion.pga, moved if settings.time_step / unit > 0.01 else 0.0)
+        return ending(Outcome.OVERTURNED if fell else Outcome.BALANCED)
+
+    right = Answer(10.4, lambda pga: frozenset({falls(pga)}), exact=True, spread=0.0)
+    monkeypatch.setattr(time_step, "simulate", fake)
+    monkeypatch.setattr(time_step, "answer", lambda *given: right)
+    assert measure(SLENDER, 0.3, Settings(1.0)).error.max() < 0.006
+
+
 @pytest.mark.parametrize(("true", "least"), [(12.0, OFFSETS[0]), (7.5, OFFSETS[0]), (0.0, WORST)])
 def test_a_reference_far_from_the_coarsest_step_is_found_or_speaks_for_no_step(
     monkeypatch: pytest.MonkeyPatch, true: float, least: float
