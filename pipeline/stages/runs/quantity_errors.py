@@ -181,7 +181,7 @@ def warning(choices: Sequence[ladder.Choice], errors: Sequence[Settled]) -> str:
         )
     if all([*(one.within for one in choices), *(one.within for one in errors)]):
         return ""
-    return "the error is not within simulation.tolerance; report.html states it"
+    return "the error is not within simulation.tolerance; time_step.nc states it"
 
 
 def measured(

@@ -326,11 +326,11 @@ def test_knet_by_obspy() -> None:
     np.testing.assert_allclose(found.acceleration - offset, VALUES, atol=0.51 * count)
 
 
-@pytest.mark.parametrize("rate", [102.4, 12.5])
+@pytest.mark.parametrize("rate", [102.4, 12.5, 33.3])
 def test_knet_of_a_rate_that_is_no_whole_number(rate: float) -> None:
     """The step by the header; ObsPy takes 102 and 12 Hz."""
     pytest.importorskip("obspy")
-    values = np.resize(VALUES, round(5 * 2 * rate))
+    values = np.resize(VALUES, round(30.0 * rate))
     text = files.knet(values, 1.0 / rate).replace(f"{round(rate)}Hz", f"{rate}Hz")
     found = read(text.encode(), ".NS", PLAIN)
     assert (found.interval, len(found.acceleration)) == (1.0 / rate, len(values))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import io
+import math
 import re
 import warnings
 from dataclasses import dataclass, replace
@@ -161,7 +162,7 @@ def _checked_rate_of_knet(content: bytes) -> float:
     number = sum(len(line.split()) for line in samples)
     rate = float(said.get("Sampling Freq(Hz)", "nan"))
     wanted = float(said.get("Duration Time(s)", "nan")) * rate
-    if number != wanted or not number:
+    if not (number and math.isclose(number, wanted)):
         given = f"a K-NET file of {number} samples that says {wanted:g}"
         raise InvalidInput(given, "it holds some, as many as it says", "download it again")
     ends = [[word.end() for word in re.finditer(r"\S+", line)] for line in samples if line]
