@@ -206,7 +206,7 @@ IMPOSSIBLE = {
         "observations.0", "0 % stand",
     ),
     "twins that contradict": (
-        (TILT, TILT.replace("13.5", "16")), "observations.1", "contradicts observation 1"
+        (TILT, TILT.replace("13.5", "16")), "observations.1", "contradicts observations.0"
     ),
     "no file": (("{kind: shake, motion: a.csv, direction: 0, outcome: stood}",),
                 "observations.0.motion", "a.csv"),

@@ -172,7 +172,7 @@ def refuse(
         *first, last = some
         draws = counted(likely.shape[1], "draw")
         given = f"{observations[first[0]].words}, and {observations[last].words}"
-        rule = f"it contradicts observation {first[0] + 1}: none of {draws} explains both"
+        rule = f"it contradicts observations.{first[0]}: none of {draws} explains both"
         if len(some) > 2:
             given, rule = f"{len(some)} observations", f"none of {draws} explains all together"
         remedy = "correct one, raise its sd, or give priors of uncertainty that lie about them"
