@@ -21,6 +21,7 @@ from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
 from pipeline.stages.runs.study import Study
 from pipeline.workflow.datasets import Stored, described, netcdf
 from pipeline.workflow.grammar import counted, form
+from pipeline.workflow.progress import Steps
 from pipeline.workflow.stage import Product, Work
 from pipeline.workflow.workers import Batch
 from vsr_core.arrays import Array, Indices, Mask
@@ -180,7 +181,10 @@ def _repeated(work: Work, study: Study, places: list[tuple[Group, Cell]], engine
     batches = (Batch(group, (cell,)) for group, cell in places)
     long_runs = settings.on_terrain or study.motions.dimension == "record"
     cluster = work.cluster if long_runs else work.cluster.in_process()
-    found = {(group, cell): result for group, cell, result in cluster.each(repeat, batches, shared)}
+    with Steps(work.stage, work.log) as steps:
+        steps.tell(f"repeating {counted(len(places), 'run')} in {engine}")
+        results = cluster.each(repeat, batches, shared)
+        found = {(group, cell): result for group, cell, result in results}
     return [-1 if found[place] is None else found[place] for place in places]
 
 
