@@ -7,7 +7,6 @@ import re
 
 import numpy as np
 from scipy.ndimage import maximum_filter
-from scipy.signal import detrend
 
 from vsr_core.arrays import Array, Mask
 from vsr_core.errors import InvalidInput
@@ -85,14 +84,13 @@ def refuse_spike(values: Array, name: str, step: float) -> None:
     """Refuse a sample of an acceleration, or up to three, far beyond those beside it.
 
     Of 490 recorded shake-table motions no peak is 5 times as large as the 20 samples before it and
-    after it but for the next, at 25 to 200 Hz. A trend is no part of that.
+    after it but for the next, at 25 to 200 Hz.
 
     Raises
     ------
     InvalidInput
     """
-    level = detrend(values)  # whose median is that of the rest beside a short motion
-    size = np.abs(level - np.median(level))
+    size = np.abs(values - np.median(values))
     beside = maximum_filter(size, footprint=np.abs(np.arange(-20, 21)) > 1, mode="constant")
     lone = np.flatnonzero((size > _LONE * beside) & (size > 0.5 * size.max()))
     if len(lone):
