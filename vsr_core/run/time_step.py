@@ -369,7 +369,7 @@ def choose(toppled: Front, displaced: Front, tolerance: float, unit: float, most
     """Coarsest step from which on, to all finer ones, outcomes agree within ``tolerance``.
 
     If there is none, or nothing was measured, it is the finest, and the choice says so. Shifts do
-    not count: where outcomes alternate with PGA, they are small or large by chance.
+    not count but of Housner's block: where outcomes alternate, they are small or large by chance.
 
     Parameters
     ----------
