@@ -112,8 +112,8 @@ class Front:
     Attributes
     ----------
     shares : ndarray, shape (k,), time steps in units of sqrt(radius / g), falling
-    agreement : ndarray, shape (k,), ``Row.error`` that ``KEPT_BY`` of the rows keep
-    error : ndarray, shape (k,), as ``agreement`` of each row's error or shift, the larger
+    agreement : ndarray, shape (k,), ``Row.error`` that ``KEPT_BY`` of the rows keep, see ``front``
+    error : ndarray, shape (k,), as ``agreement``, of each row's error or shift, the larger
     worst : ndarray, shape (k,), the largest of these; nan, as all but ``shares``, where fewer than
         ``ENOUGH`` rows have a reference
     steps : ndarray, shape (k,), mean time steps of a run near the boundary
@@ -163,12 +163,7 @@ def directions(rock: Rock) -> tuple[float, ...]:
 
 
 def periods(rock: Rock) -> tuple[float, ...]:
-    """PGV/PGA of the rows of a rock [s].
-
-    Returns
-    -------
-    tuple of float [s]
-    """
+    """PGV/PGA of the rows of a rock [s]."""
     unit = step_unit(rock)
     return tuple(unit * x for x in (BOX_PERIODS if rock.shape == "box" else HULL_PERIODS))
 
@@ -269,8 +264,8 @@ def _row(
     # not about the boundary, at which the first trial would agree by luck
     ends = (1.0 - WINDOW) * known.boundary, (1.0 + 1.5 * WINDOW) * known.boundary
     right = (lambda pga: passing(pga) == {True}) if known.exact else fine
-    looks = [partial(_lowest, ends, 0.0), partial(_lowest, ends, 0.5)]
-    looks = looks if known.exact else [partial(_halved, ends)]
+    lowest = [partial(_lowest, ends, offset) for offset in (0.0, 0.5)]
+    looks = lowest if known.exact else [partial(_halved, ends)]
     expected = cache(lambda look: look(right))
     for share in ladder.shares:
         tried = trial(share)
@@ -336,6 +331,9 @@ class _Trial:
 def front(shares: Sequence[float], error: Array, shift: Array, steps: Array) -> Front:
     """Error against time step over the rows that have a reference.
 
+    It is no smaller than a law of the first order, as that of impacts in steps is, through what
+    coarser steps showed: what a few rows keep below it is luck.
+
     Parameters
     ----------
     shares : sequence of float, time steps in units of sqrt(radius / g), falling
@@ -347,9 +345,16 @@ def front(shares: Sequence[float], error: Array, shift: Array, steps: Array) -> 
         nothing = np.full(len(tried), math.nan)
         return Front(tried, nothing, nothing, nothing, nothing)
     larger = np.fmax(error, shift)[known]
-    kept = partial(np.quantile, q=KEPT_BY, axis=0, method="inverted_cdf")
-    mean = steps[known].mean(axis=0)
-    return Front(tried, kept(error[known]), kept(larger), larger.max(axis=0), mean)
+    agreement, told = (_kept(rows, tried) for rows in (error[known], larger))
+    worst = np.fmax(larger.max(axis=0), told)
+    return Front(tried, agreement, told, worst, steps[known].mean(axis=0))
+
+
+def _kept(error: Array, shares: Array) -> Array:
+    """Error that the rows keep, or the median of the laws through it and all coarser steps'."""
+    kept = np.quantile(error, KEPT_BY, axis=0, method="inverted_cdf")
+    slopes = [np.median((kept / shares)[: at + 1]) for at in range(len(shares))]
+    return np.fmax(kept, slopes * shares)
 
 
 def longest(rock: Rock, engine: str) -> float:

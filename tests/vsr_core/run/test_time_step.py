@@ -317,6 +317,21 @@ def test_front_keeps_what_four_rows_in_five_keep() -> None:
     assert found.steps == pytest.approx(2.0 * (np.arange(len(SHARES)) + 1.0))
 
 
+def test_an_error_far_below_those_of_coarser_steps_is_luck() -> None:
+    """Of the first order but for one step that is right by chance, and a coarse one far off."""
+    shares = np.array(SHARES)
+    law = np.outer([1.0, 0.5, 0.2], 0.3 * shares)
+    lucky, poor = (law.copy() for _ in range(2))
+    lucky[:, 4], poor[:, 0] = 0.0, 1.0
+    nothing = np.zeros_like(law)
+    found = front(SHARES, lucky, nothing, nothing)
+    for told in (found.agreement, found.error, found.worst):
+        assert told == pytest.approx(0.3 * shares)
+    found = front(SHARES, nothing, poor, nothing)
+    assert found.error[3:] == pytest.approx(0.3 * shares[3:])
+    assert (found.agreement == 0.0).all()
+
+
 @pytest.mark.parametrize(
     ("error", "tolerance", "step", "within"),
     [
@@ -404,9 +419,12 @@ def test_doubled_tolerance_is_cheaper() -> None:
 
 
 @pytest.mark.slow
-def test_the_step_chosen_keeps_to_the_tolerance_at_levels_that_were_not_measured() -> None:
+@pytest.mark.parametrize("size", [(0.4, 0.8, 1.6), (0.2, 0.2, 1.0)])
+def test_the_step_chosen_keeps_to_the_tolerance_at_levels_that_were_not_measured(
+    size: tuple[float, float, float],
+) -> None:
     """Of a slender box after some impacts: lowest boundaries by Housner's equation, and by runs."""
-    size, blocks = (0.4, 0.8, 1.6), (Block(0.2, 0.8), Block(0.4, 0.8))
+    blocks = [Block(0.5 * width, 0.5 * size[2]) for width in size[:2]]
     cases = {yaw: box(size, Contact(0.6), yaw) for yaw in (0.0, 0.5 * math.pi)}
     rock, ladder = cases[0.0].full.rock, load("nonsmooth").LADDER
     unit, how = time_step.step_unit(rock), Settings(math.nan, engine="nonsmooth")
@@ -424,7 +442,7 @@ def test_the_step_chosen_keeps_to_the_tolerance_at_levels_that_were_not_measured
     def by_run(_: Block, case: Case, pulse: CosinePulse) -> bool:
         return time_step.simulate(case, pulse, settings).outcome is Outcome.OVERTURNED
 
-    ways, ratios = (zip(blocks, cases.values(), strict=True), (0.2, 0.24, 0.33, 0.44, 0.55, 0.65))
+    ways, ratios = zip(blocks, cases.values(), strict=True), unit * np.arange(0.6, 2.2, 0.25)
     for (block, case), ratio in product(ways, ratios):
         near = first_overturning_pga(block, ratio, 4.0 * GRAVITY, 0.005 * GRAVITY)
         pulses = [CosinePulse(pga, ratio) for pga in near * np.arange(0.95, 1.1, 0.002)]
@@ -433,7 +451,7 @@ def test_the_step_chosen_keeps_to_the_tolerance_at_levels_that_were_not_measured
             for topples in (by_housner, by_run)
         ]
         off.append(abs(lowest[1] / lowest[0] - 1.0))
-    assert np.quantile(off, time_step.KEPT_BY) <= 0.01
+    assert np.quantile(off, time_step.KEPT_BY) <= min(chosen.error + 0.002, 0.01)
 
 
 def test_score_of_a_way_of_running_against_a_target() -> None:

@@ -161,7 +161,7 @@ def test_a_lone_position_is_none(tmp_path: Path) -> None:
     way = 1e3 * PULSE
     way[290] = 500.0
     path = write(tmp_path / "table.csv", "time [s],x [mm]", FREQUENT, way)
-    with pytest.raises(InvalidInput, match=r"500 \(x\) at 2\.9 s, far from"):
+    with pytest.raises(InvalidInput, match=r"500 \(x\) at 2\.9 s, where the table shakes"):
         load(path)
 
 
@@ -174,7 +174,7 @@ def test_what_is_not_on_the_way_is_no_motion(away: float, out: slice, tmp_path: 
     way = 20.0 * np.sin(np.pi * FREQUENT / FREQUENT[-1]) ** 4 * np.sin(4.0 * np.pi * FREQUENT)
     way[out] *= away
     path = write(tmp_path / "table.csv", "time [s],x [mm]", FREQUENT, way)
-    with pytest.raises(InvalidInput, match=r"\(x\) at 1\.\d+ s, far from what is beside it"):
+    with pytest.raises(InvalidInput, match=r"1\.(5|6)\d* s(, where| \(x\))"):
         load(path)
 
 
@@ -199,7 +199,21 @@ def test_one_sample_makes_no_pga(rate: int, share: float, tmp_path: Path) -> Non
     assert 0 < taken < 12
 
 
-@pytest.mark.parametrize("flicker", [0.0, 1e-4])
+@pytest.mark.parametrize("rate", [28.0, 40.0, 50.0, 66.7, 80.0, 100.0])
+@pytest.mark.parametrize("lag", [0.0, 0.3])
+def test_positions_that_lines_join_are_no_motion(rate: float, lag: float, tmp_path: Path) -> None:
+    """Told of at 200 Hz in place of their rate: corners shook the table 2 to 10 times as hard."""
+    time = np.arange(0.0, 6.0, 0.005)
+    way = 20.0 * np.sin(np.pi * time / 6.0) ** 4 * np.sin(4.0 * np.pi * time)
+    path = write(tmp_path / "table.csv", "time [s],x [mm]", time, way)
+    load(path)
+    knots = (np.arange(6.0 * rate + 2.0) - lag) / rate
+    write(path, "time [s],x [mm]", time, np.interp(time, knots, np.interp(knots, time, way)))
+    with pytest.raises(InvalidInput, match=r"to and fro|straight|shakes"):
+        load(path)
+
+
+@pytest.mark.parametrize("flicker", [0.0, 1e-4, 0.02, 0.1])
 @pytest.mark.parametrize("lowest", [-35.0, -99.0])
 def test_a_way_that_is_cut_off_is_no_motion(lowest: float, flicker: float, tmp_path: Path) -> None:
     """At 70 % of its range, on one side or both: corners shook the table 5 times as hard."""
@@ -207,9 +221,10 @@ def test_a_way_that_is_cut_off_is_no_motion(lowest: float, flicker: float, tmp_p
     way = 50.0 * np.sin(np.pi * time / 6.0) ** 4 * np.sin(2.0 * np.pi * time)
     path = write(tmp_path / "table.csv", "time [s],x [mm]", time, way)
     load(path)
-    way = np.clip(way, lowest, 35.0) + np.random.default_rng(0).choice([0.0, flicker], len(time))
+    noise = np.random.default_rng(0).choice([0.0, flicker], len(time))
+    way = np.where((way < lowest) | (way > 35.0), np.clip(way, lowest, 35.0) + noise, way)
     write(path, "time [s],x [mm]", time, way)
-    with pytest.raises(InvalidInput, match=r"stand still from or to \d\.\d+ s \(x"):
+    with pytest.raises(InvalidInput, match=r"stand still from or to \d\.|where the table shakes"):
         load(path)
 
 
@@ -230,7 +245,7 @@ def test_times_are_those_of_the_file(tmp_path: Path) -> None:
     way = 20.0 * np.sin(np.pi * FREQUENT / FREQUENT[-1]) ** 4 * np.sin(4.0 * np.pi * FREQUENT)
     way[150] += 10.0
     path = write(tmp_path / "table.csv", "time [s],x [mm]", 100.0 + FREQUENT, way)
-    with pytest.raises(InvalidInput, match=rf"\(x\) at {100.0 + FREQUENT[150]:g} s, far"):
+    with pytest.raises(InvalidInput, match=rf"\(x\) at {100.0 + FREQUENT[150]:g} s, where"):
         load(path)
 
 
@@ -242,7 +257,7 @@ def test_the_sample_that_is_off_is_named_and_no_other(tmp_path: Path) -> None:
     off = int(np.abs(time - 2.0).argmin())
     way[off] += 0.45 * peak
     path = write(tmp_path / "table.csv", "time [s],x [mm]", time, way)
-    with pytest.raises(InvalidInput, match=r"\(x\) at 2 s, far from what is beside it"):
+    with pytest.raises(InvalidInput, match=r"\(x\) at 2 s, where the table shakes"):
         load(path)
     smooth = 60.0 * np.exp(-((time - 5.0) ** 2)) * np.cos(2.0 * np.pi * (time - 5.0))
     load(write(path, "time [s],x [mm]", time, smooth))
@@ -270,7 +285,7 @@ def test_what_a_tracker_loses_again_and_again_is_no_motion(
     load(path)
     way[::every] = 0.0
     write(path, f"time [s],{axis}", FREQUENT, way)
-    with pytest.raises(InvalidInput, match=r"every second sample|to and fro|far from what"):
+    with pytest.raises(InvalidInput, match=r"to and fro|straight|shakes"):
         load(path)
 
 
