@@ -576,6 +576,38 @@ def test_no_boundary_is_looked_for_beyond_the_force(
     assert (lower, upper) == (pytest.approx(reached, rel=1e-9), math.inf)
 
 
+def test_a_draw_of_which_the_force_cannot_reach_the_grid_is_refused(
+    write_site: Callable[..., str], vsr: Callable[..., object]
+) -> None:
+    """5600 N give this table and rock 0.0103 g, and a draw of a stronger motion wants more."""
+    settings = ("motion.pga=[0.01]", "servo.force_limit=5600", "uncertainty.members=4")
+    given = [part for one in settings for part in ("--set", one)]
+    gain = ("--set", "uncertainty.amplitude={mean: 1, sd: 0.1}")
+    site = quick_site(write_site)
+    ran = vsr("run", "uncertainty", "--site", site, "--workers", "0", *given, *gain)
+    said = ran.err.splitlines()[-1]  # type: ignore[attr-defined]
+    assert ran.code == 2, said  # type: ignore[attr-defined]
+    assert "servo.force_limit" in said
+
+
+@pytest.mark.slow
+def test_draws_are_run_no_further_than_the_force_gives_each(
+    write_site: Callable[..., str], vsr: Callable[..., object], derived
+) -> None:  # type: ignore[no-untyped-def]
+    settings = ("motion.pga=[0.01]", "servo.force_limit=20000", "uncertainty.members=4")
+    given = [part for one in settings for part in ("--set", one)]
+    gain = ("--set", "uncertainty.amplitude={mean: 1, sd: 0.1}")
+    site = quick_site(write_site)
+    ran = vsr("run", "uncertainty", "--site", site, "--workers", "0", *given, *gain)
+    assert ran.code == 0, ran.err  # type: ignore[attr-defined]
+    own, drawn = (read(derived / "rock" / f"{name}.nc") for name in ("boundary", "uncertainty"))
+    strongest = drawn["drawn_amplitude"].values.max()
+    reached = 20000 / 55275 / GRAVITY / strongest
+    assert strongest > 1.0
+    assert drawn.attrs["searched_to_g"] == pytest.approx(reached, rel=0.01)  # masses, too, differ
+    assert own.attrs["searched_to_g"] > 1.01 * drawn.attrs["searched_to_g"]
+
+
 def test_the_published_servo_is_the_default(write_site: Callable[..., str]) -> None:
     """With its commands at 200 Hz."""
     held = replace(PUBLISHED, hold=5)
