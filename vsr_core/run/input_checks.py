@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,11 +15,15 @@ from vsr_core.rock.tipping import tipping
 from vsr_core.run.cases import Case, Settings
 from vsr_core.run.sampling import first_step, samples, sampling
 from vsr_core.scene import Contact, Scene
-from vsr_core.table.servo import Servo
+from vsr_core.table.servo import Servo, loop
 
 PERIOD_SHARE = 0.4
 """Longest control period, as a share of the motion's shortest time. At it a servo that takes an
 error away in one period moves a block's boundary by 1.3 %, at 0.8 by 7 %."""
+
+PERFORMED = (0.5, 1.5)
+"""Least and largest share of the PGA that a servo's table reaches, in the mean of a command period.
+The published servo reaches 0.96 to 1.08 of it in any pulse that ``PERIOD_SHARE`` leaves it."""
 
 REBOUND_ERROR = 0.03
 """Error allowed of the rebound from a spring, as a share of the speed of approach."""
@@ -96,6 +101,37 @@ def check_step(scene: Scene, settings: Settings, motion: GroundMotion) -> float:
         remedy = "shorten the step, or let it be chosen (simulation.time_step: auto)"
         raise InvalidInput(f"a time step of {1e3 * time_step:.4g} ms", rule, remedy)
     return time_step
+
+
+def check_drive(scene: Scene, motion: GroundMotion) -> None:
+    """Refuse a servo that does not perform a motion, with the rock at rest on its table.
+
+    Parameters
+    ----------
+    scene : Scene, with a servo whose command period is short enough for the motion
+
+    Raises
+    ------
+    InvalidInput
+        With the gains, the share of the PGA that the table reaches, and what to change.
+    """
+    drive = scene.drive
+    assert drive is not None
+    number = sampling(motion, drive, drive.period).pulse_samples
+    standing = replace(drive, mass=drive.mass + scene.rock.mass)
+    made = loop(standing, samples(motion, drive, drive.period, number))
+    wanted = motion.velocity(drive.period * np.arange(1, number + 1, dtype=np.float64))
+    ends = slice(drive.hold - 1, None, drive.hold)
+    peaks = [np.abs(np.diff(speed[ends], prepend=0.0)).max() for speed in (made, wanted)]
+    share = float(peaks[0] / peaks[1])
+    if not PERFORMED[0] <= share <= PERFORMED[1]:
+        raise InvalidInput(
+            f"kp = {drive.kp:g}, ki = {drive.ki:g} and kd = {drive.kd:g} on {standing.mass:.4g} "
+            f"kg, by which the table reaches {share:.3g} of the PGA",
+            f"a servo reaches {PERFORMED[0]:g} to {PERFORMED[1]:g} of it, or its motion is another",
+            f"{'raise kp' if share < 1.0 else 'lower ki, or give kp = mass / period'}, and see "
+            "vsr run drive",
+        )
 
 
 def check_unshaken(case: Case, settings: Settings, motion: GroundMotion) -> None:

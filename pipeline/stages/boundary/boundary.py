@@ -15,6 +15,7 @@ from pipeline.stages.boundary.search import Search
 from pipeline.stages.datasets.responses import TYPES, Responses
 from pipeline.stages.datasets.stored_runs import SIDES, with_peaks
 from pipeline.stages.runs.overturning_runs import kind
+from pipeline.stages.runs.scenes import reach
 from pipeline.stages.runs.step_choice import StepData
 from pipeline.stages.runs.study import Study
 from pipeline.workflow.datasets import Stored, described, netcdf, rows_of
@@ -42,7 +43,8 @@ def make(
     search = Search(replace(work, note=lambda **facts: notes.append(facts)), study)
     levels = overturned.reshape(-1, overturned.shape[-1])
     pga = data["pga"].values  # which may reach further than is looked for a boundary beyond it
-    bounds = min(config.lowest, float(pga[0])), max(config.highest, float(pga[-1]))
+    highest = min(config.highest, reach(study.scenes))  # beyond, a table only seems to be shaken
+    bounds = min(config.lowest, float(pga[0])), max(highest, float(pga[-1]))
     known = search.resolved(levels, np.log1p(of_level), bounds)
     _note(work, notes)
     dataset = _dataset(data, known, search).assign(boundary_resolution=("friction", width))

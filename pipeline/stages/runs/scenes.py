@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -24,7 +25,14 @@ from vsr_core.rock.body import Rock
 from vsr_core.rock.solid import block, standing
 from vsr_core.run import displacement
 from vsr_core.run.cases import Case, Settings, TerrainCase, prepare
-from vsr_core.run.input_checks import check, check_engine, check_step, check_unshaken, longest_step
+from vsr_core.run.input_checks import (
+    check,
+    check_drive,
+    check_engine,
+    check_step,
+    check_unshaken,
+    longest_step,
+)
 from vsr_core.run.reductions import PROOFS, TERRAIN_REDUCTIONS, Reduction
 from vsr_core.run.time_step import step_unit
 from vsr_core.scene import Scene
@@ -102,6 +110,19 @@ def flat_case(scenes: Scenes, group: Group) -> Case:
 
 def _servo(settings: SceneSettings) -> Servo | None:
     return None if settings.servo is None else in_si.servo(settings.servo)
+
+
+def reach(scenes: Scenes) -> float:
+    """Largest PGA that the force of the servo gives table and rock [g], infinite without a limit.
+
+    Returns
+    -------
+    float [g]
+    """
+    servo = _servo(scenes.settings)
+    if servo is None:
+        return math.inf
+    return in_si.in_g(servo.force_limit / (servo.mass + scenes.level_rock.mass))
 
 
 def terrain_case(scenes: Scenes, group: Group) -> TerrainCase:
@@ -240,6 +261,27 @@ def refuse_motions(
         check_unshaken(cases[0], settings, strongest[0])
     except InvalidInput as error:
         raise InputError.from_invalid(origin.file_of(key), key, error) from None
+    if cases[0].full.drive is not None:
+        refuse_force(scenes, motions.pga[-1], origin)
+        key = "servo.kp"
+        try:
+            for motion in strongest:
+                check_drive(cases[0].full, motion)
+        except InvalidInput as error:
+            raise InputError.from_invalid(origin.file_of(key), key, error) from None
+
+
+def refuse_force(scenes: Scenes, pga: float, origin: Origin) -> None:
+    """Refuse a servo whose force cannot give table and rock the largest PGA [g] of the grid."""
+    most = reach(scenes)
+    if pga <= most:
+        return
+    key, servo = "servo.force_limit", _servo(scenes.settings)
+    assert servo is not None
+    given = f"{servo.force_limit:g} N for {servo.mass + scenes.level_rock.mass:.4g} kg"
+    rule = f"it gives table and rock {most:.3g} g at most, and they are to have {pga:.3g} g"
+    remedy = f"give {servo.force_limit * pga / most:.3g} N or more, or end motion.pga lower"
+    raise InputError(Problem(origin.file_of(key), key, given, rule, remedy))
 
 
 def refuse_runs(job: Job) -> None:

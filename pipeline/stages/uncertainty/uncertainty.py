@@ -18,7 +18,7 @@ from pipeline.stages.boundary.resolution import widths
 from pipeline.stages.datasets.responses import Responses
 from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.mesh.products import RockData, ScanData, TerrainData
-from pipeline.stages.runs.scenes import Group
+from pipeline.stages.runs.scenes import Group, reach, refuse_force
 from pipeline.stages.runs.step_choice import StepData
 from pipeline.stages.runs.study import Study
 from pipeline.stages.uncertainty import draw_step, seats
@@ -64,6 +64,11 @@ def make(
     grid, own_edge = (one.data.isel(friction=friction) for one in (responses, boundary))
     width = widths(config.resolution, BRACKET, measured, work.origin, "uncertainty.resolution")
     settings = study.how(Group(study.yaw[0], study.settings.contact.friction[friction]))
+    highest = own_edge.attrs["searched_to_g"]
+    for draw in draws:
+        gain = draw.member.amplitude
+        refuse_force(draw.identified, gain * study.motions.pga[-1], work.origin)
+        highest = min(highest, reach(draw.identified) / gain)
     own, yaws = study.scenes.rock, np.radians(study.yaw)
     if scan and terrain:
         given = search.scales_on(seats.of_site(scan, terrain, own), yaws)
@@ -79,7 +84,7 @@ def make(
         nominal,
         own_edge["first_overturning_pga"].values,
         float(width[friction]),
-        (own_edge.attrs["searched_from_g"], own_edge.attrs["searched_to_g"]),
+        (own_edge.attrs["searched_from_g"], highest),
     )
     simulation = study.settings.simulation
     step = draw_step.measured(wanted, simulation.time_step, simulation.tolerance)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import copy
 import io
 import math
 from dataclasses import replace
@@ -470,6 +471,31 @@ def test_response_of_obspys_example_is_removed(tmp_path: Path) -> None:
         refusal(lambda other=other: read(path.read_bytes(), ".mseed", other), words)
     bare = replace(how, corners=None)
     refusal(lambda: read(path.read_bytes(), ".mseed", bare), "motion.response.corners")
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.2])
+def test_a_response_that_changes_within_the_record_is_refused(gap: float) -> None:
+    """Twice the gain from its middle on; another epoch of the same response is none."""
+    obspy = pytest.importorskip("obspy")
+    (trace,), inventory = obspy.read().select(channel="EHZ"), obspy.read_inventory()
+    middle, waves = trace.stats.starttime + 15.0, io.BytesIO()
+    parts = trace.slice(endtime=middle - gap), trace.slice(middle + 0.01 + gap)
+    obspy.Stream(parts).write(waves, format="MSEED")
+    (network,) = inventory.networks = inventory.select(station="RJOB", channel="EHZ").networks
+    early = network[0][0]
+    late = copy.deepcopy(early)
+    network[0].channels, early.end_date, late.start_date = [early, late], middle, middle
+
+    def taken() -> Record:
+        xml = io.BytesIO()
+        inventory.write(xml, format="STATIONXML")
+        how = Reading("EHZ", None, xml.getvalue(), (0.5, 1.0, 20.0, 30.0))
+        return read(waves.getvalue(), ".mseed", how)
+
+    assert np.nanmax(np.abs(taken().acceleration)) > 0.0
+    late.response.response_stages[-1].stage_gain *= 2.0
+    late.response.instrument_sensitivity.value *= 2.0
+    refusal(taken, "BW.RJOB..EHZ", f"another response since {middle}", "cut it there")
 
 
 def of_counts(counts: np.ndarray, unit: str, step: float, without: slice) -> Record:

@@ -18,11 +18,12 @@ from pipeline.config import in_si
 from pipeline.config.layers import load_site
 from pipeline.stages.mesh.products import Standing
 from pipeline.stages.motions.motion_grid import MotionData
-from pipeline.stages.runs.scenes import Scenes
+from pipeline.stages.runs.scenes import Scenes, reach
 from pipeline.stages.runs.scenes import code as run_code
 from pipeline.stages.runs.step_choice import stored_steps
 from pipeline.stages.runs.study import Study
 from pipeline.workflow import graph
+from pipeline.workflow.datasets import read
 from pipeline.workflow.engine_input import find as find_engine
 from pipeline.workflow.graph import identities
 from pipeline.workflow.store import Store
@@ -36,6 +37,7 @@ from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
 from vsr_core.run import reductions
 from vsr_core.run.cases import Settings, prepare
+from vsr_core.run.input_checks import PERIOD_SHARE, check_drive
 from vsr_core.run.overturning import simulate
 from vsr_core.run.sampling import samples, sampling
 from vsr_core.run.time_step import step_unit
@@ -489,6 +491,121 @@ def test_wrong_servo(
 ) -> None:
     settings = ("--set", "drive=servo", "--set", setting)
     refused("why", "--site", write_site(SMALL), *settings, words=("--set: ", *words))
+
+
+def quick_site(write_site: Callable[..., str]) -> str:
+    """A block of 5275 kg on a servo's table of 50 t."""
+    return write_site(
+        "rock: {shape: box, size: [1, 1, 2], density: 2637.5}\nyaw: 0\ndrive: servo\n"
+        "simulation: {time_step: 0.001}\nmotion: {pga: [0.01, 0.5], pgv_pga: 0.05}\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        # F / (M + m) = 5.5275e4 N / 5.5275e4 kg, and (M + m) 0.5 g
+        (["force_limit=55275"], ("servo.force_limit", "0.102 g at most", "0.5 g", "2.71e+05 N")),
+        (["kp=1", "ki=0"], ("servo.kp: ", "kp = 1, ki = 0", "of the PGA", "raise kp")),
+        (["kp=1e4", "ki=1e9"], ("servo.kp: ", "of the PGA", "lower ki")),
+    ],
+    ids=["force", "weak", "ringing"],
+)
+def test_a_servo_that_cannot_perform_the_motions_is_refused(
+    write_site: Callable[..., str],
+    vsr: Callable[..., object],
+    settings: list[str],
+    words: tuple[str, ...],
+) -> None:
+    given = [part for one in settings for part in ("--set", f"servo.{one}")]
+    ran = vsr("run", "responses", "--site", quick_site(write_site), "--workers", "0", *given)
+    said = ran.err.splitlines()[-1]  # type: ignore[attr-defined]
+    assert (ran.code, said[:11]) == (2, "vsr: --set:")  # type: ignore[attr-defined]
+    assert [word for word in words if word not in said] == [], said
+
+
+@pytest.mark.parametrize("hold", [1, 5])
+def test_the_published_servo_performs_every_pulse_that_its_commands_leave_it(hold: int) -> None:
+    servo, rock = replace(PUBLISHED, hold=hold), box()[0]
+    scene = Scene(rock, Contact(0.6), drive=servo)
+    for ratio in np.geomspace(servo.command_period / PERIOD_SHARE, 2.0, 20):
+        check_drive(scene, CosinePulse.from_g(1.0, float(ratio)))
+
+
+def test_a_servo_is_judged_by_the_share_of_the_pga_that_it_reaches() -> None:
+    """A proportional one lags by T = (M + m) / kp behind a pulse cos(w t): with q = w T it makes
+
+    (cos(w t) + q sin(w t) - exp(-t / T)) / (1 + q^2) of it, 0.57 for q = 1.5 and 0.34 for 3.
+    """
+    rock, pulse = box()[0], CosinePulse.from_g(0.3, 0.4)
+
+    def driven(lag: float) -> Scene:
+        servo = replace(PUBLISHED, kp=(PUBLISHED.mass + rock.mass) / (lag * 0.4), ki=0.0)
+        return Scene(rock, Contact(0.6), drive=servo)
+
+    check_drive(driven(1.5), pulse)
+    phase, lag = np.linspace(0.0, 2.0 * np.pi, 10_000), 3.0
+    made = (np.cos(phase) + lag * np.sin(phase) - np.exp(-phase / lag)) / (1.0 + lag**2)
+    with pytest.raises(InvalidInput, match=f"reaches {np.abs(made).max():.2g}"):
+        check_drive(driven(lag), pulse)
+
+
+@pytest.mark.parametrize("limit", [None, 1e5])
+def test_the_force_bounds_the_pga(write_site: Callable[..., str], limit: float | None) -> None:
+    """F = (M + m) a, and without a limit there is none."""
+    given = () if limit is None else (f"servo.force_limit={limit:g}",)
+    config = load_site(quick_site(write_site), None, given).config
+    rock, limits = box()
+    known = reach(Scenes(config.scene, Standing(rock, limits)))
+    wanted = math.inf if limit is None else limit / (5e4 + rock.mass) / GRAVITY
+    assert known == pytest.approx(wanted, rel=1e-12)
+
+
+def test_no_boundary_is_looked_for_beyond_the_force(
+    write_site: Callable[..., str], vsr: Callable[..., object], derived
+) -> None:  # type: ignore[no-untyped-def]
+    """Which a table cannot reach: that the rock stands there says nothing."""
+    site = quick_site(write_site)
+    short = ("--set", "motion.pga=[0.01]", "--set", "servo.force_limit=20000")
+    ran = vsr("run", "boundary", "--site", site, "--workers", "0", *short)
+    assert ran.code == 0, ran.err  # type: ignore[attr-defined]
+    reached = 20000 / 55275 / GRAVITY
+    data = read(derived / "rock" / "boundary.nc")
+    assert data.attrs["searched_to_g"] == pytest.approx(reached, rel=1e-9)
+    lower, upper = (data[f"first_overturning_pga_{end}"].item() for end in ("lower", "upper"))
+    assert (lower, upper) == (pytest.approx(reached, rel=1e-9), math.inf)
+
+
+def test_a_draw_of_which_the_force_cannot_reach_the_grid_is_refused(
+    write_site: Callable[..., str], vsr: Callable[..., object]
+) -> None:
+    """5600 N give this table and rock 0.0103 g, and a draw of a stronger motion wants more."""
+    settings = ("motion.pga=[0.01]", "servo.force_limit=5600", "uncertainty.members=4")
+    given = [part for one in settings for part in ("--set", one)]
+    gain = ("--set", "uncertainty.amplitude={mean: 1, sd: 0.1}")
+    site = quick_site(write_site)
+    ran = vsr("run", "uncertainty", "--site", site, "--workers", "0", *given, *gain)
+    said = ran.err.splitlines()[-1]  # type: ignore[attr-defined]
+    assert ran.code == 2, said  # type: ignore[attr-defined]
+    assert "servo.force_limit" in said
+
+
+@pytest.mark.slow
+def test_draws_are_run_no_further_than_the_force_gives_each(
+    write_site: Callable[..., str], vsr: Callable[..., object], derived
+) -> None:  # type: ignore[no-untyped-def]
+    settings = ("motion.pga=[0.01]", "servo.force_limit=20000", "uncertainty.members=4")
+    given = [part for one in settings for part in ("--set", one)]
+    gain = ("--set", "uncertainty.amplitude={mean: 1, sd: 0.1}")
+    site = quick_site(write_site)
+    ran = vsr("run", "uncertainty", "--site", site, "--workers", "0", *given, *gain)
+    assert ran.code == 0, ran.err  # type: ignore[attr-defined]
+    own, drawn = (read(derived / "rock" / f"{name}.nc") for name in ("boundary", "uncertainty"))
+    strongest = drawn["drawn_amplitude"].values.max()
+    reached = 20000 / 55275 / GRAVITY / strongest
+    assert strongest > 1.0
+    assert drawn.attrs["searched_to_g"] == pytest.approx(reached, rel=0.01)  # masses, too, differ
+    assert own.attrs["searched_to_g"] > 1.01 * drawn.attrs["searched_to_g"]
 
 
 def test_the_published_servo_is_the_default(write_site: Callable[..., str]) -> None:

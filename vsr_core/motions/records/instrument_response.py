@@ -30,7 +30,7 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
     Raises
     ------
     InvalidInput
-        Without corners, or for a response of no motion, or one that contradicts itself.
+        Without corners, or for a response of no motion, or one that contradicts itself or changes.
     """
     if corners is None:
         given = "a response without corners"
@@ -40,6 +40,7 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
         _check_response(inventory.get_response(trace.id, trace.stats.starttime))
     stream.merge()
     for trace in stream:
+        _check_unchanged(trace, inventory, corners[1:3])
         counts = np.ma.masked_invalid(np.ma.asarray(trace.data).astype(np.float64))
         missing, places = np.ma.getmaskarray(counts), np.arange(len(counts))
         there = places[~missing]  # a line between velocities would have jumps of acceleration
@@ -55,6 +56,28 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
         )
         trace.data = np.ma.masked_array(trace.data[ends : ends + len(whole)], missing)
     return stream
+
+
+def _check_unchanged(trace: Any, inventory: Any, band: tuple[float, float]) -> None:
+    """Refuse a record within which its channel gets another response: it is divided by one.
+
+    Parameters
+    ----------
+    band : tuple of float [Hz], at which responses are compared
+    """
+    names = ("network", "station", "location", "channel")
+    codes = dict(zip(names, trace.id.split("."), strict=True))
+    start, end = trace.stats.starttime, trace.stats.endtime
+    first = inventory.get_response(trace.id, start)
+    before = first.get_evalresp_response_for_frequencies(band, "ACC")
+    for channel in [c for n in inventory.select(**codes) for station in n for c in station]:
+        since = channel.start_date
+        if since is None or not start < since <= end:
+            continue
+        after = channel.response.get_evalresp_response_for_frequencies(band, "ACC")
+        if not np.allclose(after, before, rtol=1e-6, atol=0.0):
+            given = f"a record of {trace.id} from {start} to {end}, another response since {since}"
+            raise InvalidInput(given, "it is divided by one response", "cut it there")
 
 
 def _with_ends(values: Array, number: int) -> Array:
