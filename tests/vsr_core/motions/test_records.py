@@ -530,6 +530,9 @@ def test_samples_that_are_none_are_looked_for_before_the_response(
     time = 0.005 * np.arange(4000)
     seen = 1e4 * np.exp(-(((time - 10.0) / 2.0) ** 2)) * np.sin(4.0 * np.pi * time)
     assert of_counts(seen, unit, 0.005, slice(400, 400)).acceleration.size == 4000
+    clipped = np.clip(seen, -7e3, 7e3) + np.random.default_rng(5).integers(-3, 4, 4000)
+    said = "extreme (counts of HNE)"
+    refusal(lambda: of_counts(clipped, unit, 0.005, slice(400, 400)), said)
     seen[800 : 800 + len(off)] = off
     refusal(lambda: of_counts(seen, unit, 0.005, slice(400, 400)), "(counts of HNE) at 4 s")
 
@@ -706,6 +709,29 @@ def test_clipping_is_refused(limit: float) -> None:
     top = limit * VALUES.max()
     refusal(lambda: repaired(record(np.minimum(VALUES, top))), "in a row", "clipped")
     refusal(lambda: repaired(record(np.maximum(VALUES, -top))), "in a row", "clipped")
+
+
+@pytest.mark.parametrize("limit", [0.3, 0.5])
+@pytest.mark.parametrize("size", [1e-5, 1e-4, 1e-3])
+def test_clipping_that_flickers_or_leans_is_refused(size: float, limit: float) -> None:
+    """By the last digits, or as a line was taken off."""
+    most = limit * np.abs(VALUES).max()
+    flat, clipped = np.clip(VALUES, -most, most), np.abs(VALUES) > most
+    flickers = np.random.default_rng(3).integers(-2, 3, len(VALUES)) * size * most
+    refusal(lambda: repaired(record(flat + clipped * flickers)), "in a row", "clipped")
+    line = np.linspace(-size, size, len(VALUES)) * most
+    refusal(lambda: repaired(record(flat - line)), "in a row", "clipped")
+
+
+@pytest.mark.parametrize("width", [0.1, 0.3, 1.0])
+@pytest.mark.parametrize("step", [0.001, 0.005, 0.02])
+def test_a_pulse_that_is_sampled_often_is_not_clipped(step: float, width: float) -> None:
+    """A half sine with rest before and after, and a cosine whose top is flattest."""
+    time = np.arange(0.0, 10.0, step)
+    half = np.where(np.abs(time - 2.0) < width, np.cos(0.5 * np.pi * (time - 2.0) / width), 0.0)
+    flattest = np.cos(time / width) - 0.25 * np.cos(2.0 * time / width)  # no curvature
+    for pulse in (half, flattest, -flattest):
+        assert repaired(record(pulse, step)) is not None
 
 
 @pytest.mark.parametrize("places", [[100], [37, 251], [100, 101], [0], [399]])

@@ -231,9 +231,14 @@ LONGEST_GAP = 0.05
 FLAT_TOP = 3
 """Samples in a row at the very extreme that make a clipped record ..."""
 
-ABRUPT = 10.0
-"""... if the record gets there by this many of its smallest steps: a smooth top that was rounded
-gets there by one or two."""
+FLAT, FLICKER = 8, np.geomspace(1e-4, 1e-2, 9)
+"""... or so many within one of these shares of it, three of them in a row, as by digits that
+flicker or a line taken off, ..."""
+
+ABRUPT, BELOW = 10.0, 1.3
+"""... if at most 1.3 times as many are within ten times that share, or ten of the smallest steps.
+A smooth top has sqrt(10) times as many. Of 490 recorded shake-table motions, at 25 to 200 Hz, none
+looks so; interpolated linearly from 200 to 1000 Hz, 4 do."""
 
 STRONGEST, WEAKEST = 5.0, 1e-6
 """PGA [g] beyond which a record is in another unit than it says. The strongest ever recorded on the
@@ -288,7 +293,7 @@ def check_samples(values: Array, unit: str, step: float) -> None:
     digits.refuse_mark(values, unit, step)
     digits.refuse_spike(values, unit, step)
     if clipped := _flat_top(values):
-        given = f"{clipped} samples in a row at the record's extreme ({unit})"
+        given = f"{clipped} samples in a row within 1 % of the record's extreme ({unit})"
         rule = "an instrument that is not clipped passes its peak"
         raise InvalidInput(given, rule, "use another record or component")
 
@@ -377,15 +382,15 @@ def _bridged(record: Record) -> Record:
 def _flat_top(values: Array) -> int:
     """Longest run of samples at an extreme that is reached abruptly; 0 if there is none."""
     steps = np.abs(np.diff(values))
-    moves = steps[steps > 0.0]
-    least = float(moves.min())
-    longest = 0
-    for extreme in (values.max(), values.min()):
-        for start, length in digits.runs(values == extreme):
-            if length < FLAT_TOP:
-                continue
-            before = steps[start - 1] if start else 0.0
-            after = steps[start + length - 1] if start + length < len(values) else 0.0
-            if max(before, after) > ABRUPT * least:
-                longest = max(longest, length)
-    return longest
+    least = float(steps[steps > 0.0].min())
+    middle = np.median(values)
+    for size in (values - middle, middle - values):
+        top = float(size.max())
+        for share in (0.0, *FLICKER) if top > 0.0 else ():  # rest is no top
+            at = size >= (1.0 - share) * top
+            near = size >= top - ABRUPT * max(share * top, least)
+            longest = max(length for _, length in digits.runs(at))
+            enough = longest >= FLAT_TOP and at.sum() >= (FLAT if share else FLAT_TOP)
+            if enough and near.sum() <= BELOW * at.sum():
+                return longest
+    return 0

@@ -77,7 +77,7 @@ def make(
         "upper end of that interval: lowest PGA tried that overturns the rock, missing where none "
         "does"
     )
-    shift = _shift(dataset, [drive.servo for drive in drives].index(in_si.servo(servo)))
+    shift = _shift(dataset)
     drawn = {
         "drive_tracking": tracking(dataset),
         "drive_disturbance": disturbed(dataset),
@@ -135,11 +135,11 @@ def _dataset(
     )
 
 
-def _shift(dataset: xr.Dataset, at: int) -> str:
-    """Change of the boundary from the table's frame to one of the drives, in words."""
+def _shift(dataset: xr.Dataset) -> str:
+    """Change of the boundary from the table's frame to the last of the drives, in words."""
     boundary = dataset["first_overturning_pga"].values
     boundary = boundary[:, np.isfinite(boundary[0])]
-    change = 100.0 * (boundary[at] / boundary[0] - 1.0)
+    change = 100.0 * (boundary[-1] / boundary[0] - 1.0)
     change = change[np.isfinite(change)]
     if not change.size:
         return "outside the grid"

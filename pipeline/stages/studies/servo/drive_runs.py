@@ -106,15 +106,14 @@ def _boundary(case: Case, ratio: float, levels: list[float], step: float) -> Bra
 
 
 def drives(own: Servo) -> list[Drive]:
-    """List the table's frame, the published servo in two ways, and the site's if it is another."""
-    drives = [
-        Drive("table's own frame", None),
-        Drive("published servo, a command each period", PUBLISHED),
-        Drive("published servo, commands at 200 Hz", replace(PUBLISHED, hold=5)),
-    ]
-    if own not in [drive.servo for drive in drives]:
-        drives.append(Drive("this site's servo", own))
-    return drives
+    """List the table's frame, the published servo in two ways, and the site's as the last."""
+    names = {
+        PUBLISHED: "published servo, a command each period",
+        replace(PUBLISHED, hold=5): "published servo, commands at 200 Hz",
+    }
+    names[own] = names.pop(own, "this site's servo")
+    served = [Drive(name, servo) for servo, name in names.items()]
+    return [Drive("table's own frame", None), *served]
 
 
 class Rough(NamedTuple):
@@ -141,7 +140,7 @@ def tracks(
 
     Parameters
     ----------
-    drives : list of Drive, the first the table's own frame
+    drives : list of Drive, the first the table's own frame, the last the site's servo
     """
     step = STEP_SHARE * step_unit(scenes.level_rock)
     found: dict[Followed, TableHistory] = {}

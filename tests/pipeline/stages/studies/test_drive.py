@@ -100,10 +100,10 @@ def test_a_made_motion_has_its_ratio_and_ends_at_rest() -> None:
         assert abs(float(trace.velocity[-1])) < 1e-3 * peaks[1]
 
 
-def test_the_shift_is_that_of_one_servo_and_of_the_rows_that_the_frame_topples() -> None:
+def test_the_shift_is_that_of_the_last_servo_and_of_the_rows_that_the_frame_topples() -> None:
     rows = ("drive", "pgv_pga"), [[0.4, np.inf], [0.4, 0.6], [0.5, 0.6]]
     assert "by +25.0 % in the median row and by +25.0 % at most" in drive._shift(
-        xr.Dataset({"first_overturning_pga": rows}), 2
+        xr.Dataset({"first_overturning_pga": rows})
     )
 
 
@@ -224,10 +224,18 @@ def test_pulses_that_no_drive_follows_are_refused(
     assert "servo: got a command every 200 ms" in ran.err  # type: ignore[attr-defined]
 
 
-def test_a_servo_of_the_site_is_one_case_more() -> None:
-    assert len(drive_runs.drives(HELD)) == len(drive_runs.drives(PUBLISHED)) == 3
-    own = replace(PUBLISHED, kp=3e7)
-    assert drive_runs.drives(own)[-1].servo == own
+@pytest.mark.parametrize(
+    ("own", "ways"), [(HELD, 3), (PUBLISHED, 3), (replace(PUBLISHED, kp=3e7), 4)]
+)
+def test_the_servo_of_the_site_is_the_last_and_one_more_if_it_is_another(
+    own: Servo, ways: int
+) -> None:
+    """The last is told of: how the boundary shifts, and the falling rock."""
+    drives = drive_runs.drives(own)
+    assert len({drive.name for drive in drives}) == len(drives) == ways
+    assert drives[0].servo is None
+    assert drives[-1].servo == own
+    assert {PUBLISHED, HELD} < {drive.servo for drive in drives}
 
 
 def rough(site: Site) -> drive_runs.Rough:
