@@ -723,6 +723,17 @@ def test_clipping_that_flickers_or_leans_is_refused(size: float, limit: float) -
     refusal(lambda: repaired(record(flat - line)), "in a row", "clipped")
 
 
+@pytest.mark.parametrize("steps", [50, 100, 1000])
+@pytest.mark.parametrize("limit", [0.3, 0.5])
+def test_clipping_is_refused_of_few_digits(steps: int, limit: float) -> None:
+    """Within ten steps of a top lie many samples of the flanks."""
+    time = np.arange(0.0, 12.0, 0.005)
+    rounded = np.sin(np.pi * time / 12.0) ** 4 * (np.sin(9.0 * time) + np.sin(21.0 * time)) / 2.0
+    whole = np.round(rounded / np.abs(rounded).max() * steps / limit)
+    assert repaired(record(whole * limit / steps, 0.005)) is not None
+    refusal(lambda: repaired(record(np.clip(whole, -steps, steps) / steps, 0.005)), "clipped")
+
+
 @pytest.mark.parametrize("width", [0.1, 0.3, 1.0])
 @pytest.mark.parametrize("step", [0.001, 0.005, 0.02])
 def test_a_pulse_that_is_sampled_often_is_not_clipped(step: float, width: float) -> None:
@@ -730,7 +741,7 @@ def test_a_pulse_that_is_sampled_often_is_not_clipped(step: float, width: float)
     time = np.arange(0.0, 10.0, step)
     half = np.where(np.abs(time - 2.0) < width, np.cos(0.5 * np.pi * (time - 2.0) / width), 0.0)
     flattest = np.cos(time / width) - 0.25 * np.cos(2.0 * time / width)  # no curvature
-    for pulse in (half, flattest, -flattest):
+    for pulse in (half, half[np.abs(time - 2.0) < 1.4 * width], flattest, -flattest):
         assert repaired(record(pulse, step)) is not None
 
 
