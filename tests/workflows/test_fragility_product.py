@@ -83,7 +83,7 @@ def test_from_a_site_to_curves_and_report(made: Ran, derived: Path, pgas: list[f
     assert {float(row["yaw_deg"]) for row in rows} == {0.0, 90.0}
 
     report = (folder / "report.html").read_text(encoding="utf-8")
-    assert "most fragile at <strong>yaw 0 deg</strong>" in report
+    assert "largest share of the grid's runs at <strong>yaw 0 deg</strong>" in report
     for name in ("report.html", "fragility.csv", "responses.nc"):
         assert f"-> {folder / name}" in made.err
 

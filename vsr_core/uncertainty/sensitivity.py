@@ -10,8 +10,7 @@ References
 Le Gratiet, L., Cannamela, C. & Iooss, B. (2014), SIAM/ASA J. Uncertainty Quantification 2, 336-363:
 indices by a Gaussian process.
 Saltelli, A. et al. (2010), Computer Physics Communications 181, 259-270: their estimators.
-Rasmussen, C. E. & Williams, C. K. I. (2006), Gaussian Processes for Machine Learning, 5.12: what
-is predicted of a draw that is left out.
+Rasmussen, C. E. & Williams, C. K. I. (2006), Gaussian Processes for Machine Learning: the process.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ import numpy as np
 from scipy.stats import qmc, sobol_indices
 from threadpoolctl import threadpool_limits
 
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Indices
 
 SUPPORTED = 0.5
 """Least share of the variance of draws left out that the process must explain."""
@@ -41,6 +40,9 @@ SEED = 11
 
 FEWEST = 8
 """Draws with which a process is tried."""
+
+FOLDS = 10
+"""Parts in which draws are left out; single draws where there are fewer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +130,10 @@ def _by_process(unknowns: Sequence[Unknown], output: Array) -> Shares:
     """Indices of the mean of a Gaussian process of the output."""
     count, number = len(unknowns), len(output)
     design = np.hstack([unknown.values for unknown in unknowns])
-    kernel, noise = _fitted(design, output)
-    explained, variance = _explained(kernel(design), noise, output), float(output.var())
+    explained, variance = _explained(design, output), float(output.var())
     if explained < SUPPORTED:
         return _unsupported(count, explained, variance)
+    kernel, noise = _fitted(design, output)
     samples = _samples(unknowns)
     across = kernel(samples.reshape(-1, samples.shape[-1]), design)
     rng = np.random.default_rng(SEED)
@@ -156,7 +158,10 @@ def _unsupported(count: int, explained: float, variance: float) -> Shares:
 
 
 def _fitted(design: Array, output: Array) -> tuple[Callable[..., Array], float]:
-    """Covariance of a Gaussian process without its noise, and the variance of the noise."""
+    """Covariance of a Gaussian process without its noise, and the variance of the noise.
+
+    Both as shares of the variance of the output, which does not matter to what is predicted.
+    """
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
@@ -170,19 +175,26 @@ def _fitted(design: Array, output: Array) -> tuple[Callable[..., Array], float]:
             warnings.simplefilter("ignore", ConvergenceWarning)
             tried.append(GaussianProcessRegressor(start, normalize_y=True).fit(design, output))
     best = max(tried, key=lambda process: process.log_marginal_likelihood_value_)
-    signal, white = best.kernel_.k1, best.kernel_.k2
-    scale = float(np.var(output))
-    return (lambda *points: scale * signal(*points)), scale * float(white.noise_level)
+    return best.kernel_.k1, float(best.kernel_.k2.noise_level)
 
 
-def _explained(covariance: Array, noise: float, output: Array) -> float:
-    """Share of the variance that is predicted of each draw from the others."""
-    inverse = np.linalg.inv(covariance + noise * np.eye(len(output)))
-    error = inverse @ (output - output.mean()) / np.diag(inverse)
-    return float(1.0 - (error**2).mean() / output.var())
+def _explained(design: Array, output: Array) -> float:
+    """Share of the variance that is predicted of draws left out, 0 where their mean does better.
+
+    Without a fold of them the process is fitted anew: lengths follow the noise of the draws that
+    they are found with, which looks explained by them. Draws in a row of a sequence of Sobol are
+    spread over the priors, and make a fold.
+    """
+    every, error = np.arange(len(output)), np.empty(len(output))
+    for out in np.array_split(every, min(FOLDS, len(every))):
+        rest = np.setdiff1d(every, out)
+        kernel, noise = _fitted(design[rest], output[rest])
+        weights = _weights(kernel(design), noise, output, rest)
+        error[out] = output[out] - output[rest].mean() - kernel(design[out], design[rest]) @ weights
+    return max(0.0, float(1.0 - (error**2).mean() / output.var()))
 
 
-def _weights(covariance: Array, noise: float, output: Array, picks: Array) -> Array:
+def _weights(covariance: Array, noise: float, output: Array, picks: Indices) -> Array:
     """Weights of the picked draws in what is predicted, less their mean."""
     inside = covariance[np.ix_(picks, picks)] + noise * np.eye(len(picks))
     return np.linalg.solve(inside, output[picks] - output[picks].mean())

@@ -139,7 +139,7 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
     Raises
     ------
     InvalidInput
-        If no shape drawn stands near its pose in the scan.
+        If no shape drawn stands near its pose in the scan, or none on a base drawn in.
     """
     middle = (1.0 - member.mixing) * of.vertices + member.mixing * of.other
     rng = np.random.default_rng(member.seed)
@@ -161,6 +161,11 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
         moments, axes = np.linalg.eigh(density * turn @ inertia @ turn.T)
         axes[:, 0] *= np.sign(np.linalg.det(axes))
         return Rock("hull", hull.turned(turn).vertices, density * volume, moments, axes)
+    if member.inset:
+        drawn(of, replace(member, inset=0.0), density)  # refuses one that does not stand as scanned
+        given = f"a base drawn in by {member.inset:.3g} of the height of the centre of mass"
+        rule, remedy = "the specimen stands on what is left", "reduce inset (uncertainty.inset)"
+        raise InvalidInput(given, rule, remedy)
     given = f"a specimen that does not stand in any of {TRIES} shapes"
     rule = "it stands as scanned, to within the error of the scan"
     raise InvalidInput(given, rule, "turn the scan so that the specimen stands, z up")

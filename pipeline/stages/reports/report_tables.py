@@ -125,7 +125,10 @@ def by_yaw(responses: xr.Dataset, fragility: xr.Dataset) -> list[Row]:
 
 
 def answer(rows: list[Row], frictions: Array) -> list[Row]:
-    """Most and least fragile yaws of each friction, by toppled share; ties together."""
+    """Yaws of each friction with the largest and the smallest toppled share; ties together.
+
+    Neither need be the most or the least fragile: first overturning may rank them otherwise.
+    """
     found = []
     for k, friction in enumerate(frictions):
         own = [row for row in rows if row["friction"] == k and np.isfinite(row["share"])]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -68,6 +69,21 @@ def test_directions_together_have_the_indices_of_those_that_have_any() -> None:
     assert np.isnan(found.first).all()
     assert found.explained == pytest.approx(0.1)
     assert np.isnan(sensitivity.joined([untried, untried]).explained)
+
+
+@pytest.mark.parametrize(
+    ("draws", "seeds"), [(16, (3, 5)), pytest.param(32, range(20), marks=pytest.mark.slow)]
+)
+def test_a_signal_has_indices_and_noise_has_none(draws: int, seeds: Sequence[int]) -> None:
+    """Noise knows of no unknown, though there are lengths that explain some afterwards."""
+    claimed = []
+    for seed in seeds:
+        even = qmc.Sobol(7, rng=seed).random(draws)
+        noise = np.random.default_rng(1000 + seed).normal(size=draws)
+        signal = unit(even) @ np.array([1.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.0]) + 0.3 * noise
+        found = [sensitivity.shares(unknowns(even), output) for output in (noise, signal)]
+        claimed.append([bool(np.isfinite(one.first).all()) for one in found])
+    assert claimed == [[False, True]] * len(seeds)
 
 
 @pytest.mark.parametrize("kind", ["noise", "censored", "constant", "few"])

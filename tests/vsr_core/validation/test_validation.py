@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from vsr_core import GRAVITY
+from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import barrier
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.records.trace import RecordedMotion, Trace
@@ -345,6 +346,18 @@ def test_a_draw_without_doubt_is_the_scan() -> None:
     assert drawn.mass == pytest.approx(exact.mass)
     np.testing.assert_allclose(drawn.inertia, exact.inertia)
     np.testing.assert_allclose(drawn.vertices, exact.vertices)
+
+
+def test_a_base_drawn_in_to_nothing_is_the_fault_of_the_inset() -> None:
+    """Unless the scan lies on its side: then it does not stand without the inset either."""
+    form = specimen.form(rough(), None)
+    with pytest.raises(InvalidInput, match=r"drawn in by 0\.9 .*; reduce inset \(uncertainty"):
+        specimen.drawn(form, plain(inset=0.9), 2700.0)
+    edge = trimesh.creation.box([0.4, 0.4, 0.9])
+    edge.apply_transform(trimesh.transformations.rotation_matrix(0.7, [1, 0, 0]))
+    for inset in (0.0, 0.5):
+        with pytest.raises(InvalidInput, match="turn the scan"):
+            specimen.drawn(specimen.form(edge, None), plain(inset=inset), 2700.0)
 
 
 def test_a_shift_of_the_centre_moves_the_base_against_it() -> None:

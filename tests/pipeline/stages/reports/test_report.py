@@ -131,7 +131,8 @@ def test_page_answers_first(made: Path, products: dict[str, xr.Dataset]) -> None
     head = page.text[: page.text.index("The rock\n")]
     share = products["fragility"]["toppled_share"].values[:, 0]
     assert share[0] > share[1] > 0.0
-    assert f"most fragile at yaw 0 deg, where {100 * share[0]:.0f}\xa0% of" in head
+    told = f"the largest share of the grid's runs at yaw 0 deg: {100 * share[0]:.0f}\xa0%"
+    assert told in head
     assert "Shape of the rock: box." in head
     assert "All runs are resolved" in head
     for yaw in ("yaw 0 deg", "yaw 90 deg"):
@@ -141,6 +142,19 @@ def test_page_answers_first(made: Path, products: dict[str, xr.Dataset]) -> None
     for line in products["responses"].attrs["left_out"].splitlines():
         assert line.partition(": ")[2] in page.text
     assert "num: 6" in page.text
+
+
+def test_yaws_with_an_equal_share_of_runs_are_not_called_equally_fragile(
+    made: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One topples at .25 g, one at .5 g: the cells of the grid alone do not tell them apart."""
+    of = report_tables.by_yaw
+    monkeypatch.setattr(
+        report_tables, "by_yaw", lambda *data: [{**row, "share": 0.5} for row in of(*data)]
+    )
+    text = Page(remade(made, made.parent.parent / f"{HOSTILE}.yaml")).text
+    assert "in an equal share of the grid's runs at all 2 yaws: 50\xa0% (first over" in text
+    assert "equally fragile" not in text
 
 
 def test_hostile_name_is_escaped(made: Path) -> None:
