@@ -110,13 +110,16 @@ def refuse_lines(values: Array, name: str, times: Array) -> None:
     ------
     InvalidInput
     """
-    bend = np.abs(np.diff(values, 2))
+    turn = np.diff(values, 2)
+    bend = np.abs(turn)
     for size, least in _JOINED:
-        straight = bend < _STRAIGHT * maximum_filter1d(bend, size)
-        starts = straight & ~np.roll(straight, 1)
+        straight, starts = np.zeros((2, len(bend)))
+        for start, length in runs(bend < _STRAIGHT * maximum_filter1d(bend, size)):
+            ends = turn[max(start - 1, 0)], turn[min(start + length, len(turn) - 1)]
+            if ends[0] * ends[1] > 0.0:  # else it is a zero of the acceleration, or rest
+                straight[start : start + length] = starts[start] = 1.0
         share, lines = (
-            uniform_filter1d(found.astype(np.float64), size, mode="constant")
-            for found in (straight, starts)
+            uniform_filter1d(found, size, mode="constant") for found in (straight, starts)
         )
         joined = (bend > 0.5 * bend.max()) & (share > least) & (lines * size > _LINES)
         if joined.any():

@@ -22,8 +22,12 @@ PERIOD_SHARE = 0.4
 error away in one period moves a block's boundary by 1.3 %, at 0.8 by 7 %."""
 
 PERFORMED = (0.5, 1.5)
-"""Least and largest share of the PGA that a servo's table reaches, in the mean of a command period.
-The published servo reaches 0.96 to 1.08 of it in any pulse that ``PERIOD_SHARE`` leaves it."""
+"""Least and largest share of the PGA that a servo's table reaches, in the mean of a command period
+and were its force not limited. The published servo reaches 0.96 to 1.08 of it in any pulse that
+``PERIOD_SHARE`` leaves it."""
+
+ASTRAY = 0.5
+"""Largest error of a servo's velocity, as a share of the PGV; at most 0.16 of the published one."""
 
 REBOUND_ERROR = 0.03
 """Error allowed of the rebound from a spring, as a share of the speed of approach."""
@@ -119,16 +123,22 @@ def check_drive(scene: Scene, motion: GroundMotion) -> None:
     assert drive is not None
     number = sampling(motion, drive, drive.period).pulse_samples
     standing = replace(drive, mass=drive.mass + scene.rock.mass)
-    made = loop(standing, samples(motion, drive, drive.period, number))
+    commands = samples(motion, drive, drive.period, number)
+    made, free = (
+        loop(replace(standing, force_limit=most), commands)
+        for most in (drive.force_limit, math.inf)
+    )
     wanted = motion.velocity(drive.period * np.arange(1, number + 1, dtype=np.float64))
     ends = slice(drive.hold - 1, None, drive.hold)
-    peaks = [np.abs(np.diff(speed[ends], prepend=0.0)).max() for speed in (made, wanted)]
+    peaks = [np.abs(np.diff(speed[ends], prepend=0.0)).max() for speed in (free, wanted)]
     share = float(peaks[0] / peaks[1])
-    if not PERFORMED[0] <= share <= PERFORMED[1]:
+    astray = float(np.abs(made - wanted)[ends].max() / np.abs(wanted).max())
+    if not PERFORMED[0] <= share <= PERFORMED[1] or astray > ASTRAY:
         raise InvalidInput(
             f"kp = {drive.kp:g}, ki = {drive.ki:g} and kd = {drive.kd:g} on {standing.mass:.4g} "
-            f"kg, by which the table reaches {share:.3g} of the PGA",
-            f"a servo reaches {PERFORMED[0]:g} to {PERFORMED[1]:g} of it, or its motion is another",
+            f"kg, by which the table reaches {share:.3g} of the PGA and is off by {astray:.2g} PGV",
+            f"a servo reaches {PERFORMED[0]:g} to {PERFORMED[1]:g} of it and is off by "
+            f"{ASTRAY:g} at most, or its motion is another",
             f"{'raise kp' if share < 1.0 else 'lower ki, or give kp = mass / period'}, and see "
             "vsr run drive",
         )

@@ -214,7 +214,7 @@ def front(measured: xr.Dataset, boundary: Boundary) -> Front:
 
 
 def step_for(measured: xr.Dataset, agreement: float) -> float | None:
-    """Longest step [s] at which outcomes were measured to agree so near the boundary, if any.
+    """Longest step [s], shorter than the one chosen, from which on outcomes agree so near, if any.
 
     Parameters
     ----------
@@ -222,8 +222,10 @@ def step_for(measured: xr.Dataset, agreement: float) -> float | None:
         As in ``time_step.nc``, of one friction.
     """
     toppled = front(measured, Boundary.TOPPLED)
-    kept = toppled.shares[toppled.agreement <= agreement]
-    return float(kept.max() * measured.attrs["step_unit_s"]) if kept.size else None
+    largest = np.maximum.accumulate(toppled.agreement[::-1])[::-1]
+    steps = toppled.shares[largest <= agreement] * measured.attrs["step_unit_s"]
+    finer = steps[steps < float(measured["time_step"])]
+    return float(finer.max()) if finer.size else None
 
 
 def measure_rows(

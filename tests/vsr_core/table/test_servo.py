@@ -535,7 +535,8 @@ def test_the_published_servo_performs_every_pulse_that_its_commands_leave_it(hol
 def test_a_servo_is_judged_by_the_share_of_the_pga_that_it_reaches() -> None:
     """A proportional one lags by T = (M + m) / kp behind a pulse cos(w t): with q = w T it makes
 
-    (cos(w t) + q sin(w t) - exp(-t / T)) / (1 + q^2) of it, 0.57 for q = 1.5 and 0.34 for 3.
+    (cos(w t) + q sin(w t) - exp(-t / T)) / (1 + q^2) of it, 0.57 for q = 1.5 and 0.34 for 3. Its
+    velocity is off by q / sqrt(1 + q^2) of the PGV, 0.83 for q = 1.5.
     """
     rock, pulse = box()[0], CosinePulse.from_g(0.3, 0.4)
 
@@ -543,11 +544,22 @@ def test_a_servo_is_judged_by_the_share_of_the_pga_that_it_reaches() -> None:
         servo = replace(PUBLISHED, kp=(PUBLISHED.mass + rock.mass) / (lag * 0.4), ki=0.0)
         return Scene(rock, Contact(0.6), drive=servo)
 
-    check_drive(driven(1.5), pulse)
+    check_drive(driven(0.4), pulse)
+    with pytest.raises(InvalidInput, match=r"reaches 0\.57\d* of the PGA and is off by 0\.8\d PGV"):
+        check_drive(driven(1.5), pulse)
     phase, lag = np.linspace(0.0, 2.0 * np.pi, 10_000), 3.0
     made = (np.cos(phase) + lag * np.sin(phase) - np.exp(-phase / lag)) / (1.0 + lag**2)
     with pytest.raises(InvalidInput, match=f"reaches {np.abs(made).max():.2g}"):
         check_drive(driven(lag), pulse)
+
+
+@pytest.mark.parametrize("limit", [math.inf, 6e5, 4e5])
+def test_a_force_limit_does_not_hide_that_a_servo_rings(limit: float) -> None:
+    """It is more than the PGA takes, and cuts what the ringing would add to it."""
+    servo = replace(PUBLISHED, kp=1e5, ki=5e7, force_limit=limit)
+    scene = Scene(box()[0], Contact(0.6), drive=servo)
+    with pytest.raises(InvalidInput, match=r"reaches 3\.\d+ of the PGA"):
+        check_drive(scene, CosinePulse.from_g(0.6, 0.05))
 
 
 @pytest.mark.parametrize("limit", [None, 1e5])

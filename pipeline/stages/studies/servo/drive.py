@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -23,11 +24,12 @@ from pipeline.drawing import style
 from pipeline.drawing.style import pictures, svg_uri
 from pipeline.stages.mesh.products import Standing
 from pipeline.stages.motions.motion_grid import MotionFiles
-from pipeline.stages.runs.scenes import Group, Scenes
+from pipeline.stages.runs.scenes import Group, Scenes, refuse_force
 from pipeline.stages.studies.servo import drive_runs
 from pipeline.stages.studies.servo.drive_runs import A_PULSE, Followed
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, label, netcdf, split
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
@@ -65,9 +67,12 @@ def make(
         Dataset, table, page and figures of the driven table.
     """
     scenes, group = Scenes(settings, standing), Group(yaw[0], settings.contact.friction[0])
+    driven = replace(scenes, settings=settings._replace(servo=servo))
+    refuse_force(driven, motion.pga[-1], work.origin)
     drives = drive_runs.drives(in_si.servo(servo))
     waves = drive_runs.rough(motion, files)
     tracks, records = drive_runs.tracks(scenes, group, drives, waves)
+    falling = tracks[Followed(waves.name, drives[-1].name)]
     rows = drive_runs.rows(work, motion, scenes, group, drives)
     dataset = described(_dataset(tracks, rows), work, "Driven table")
     dataset["first_overturning_pga"].attrs["long_name"] = (
@@ -89,6 +94,7 @@ def make(
         "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},
         "pga": records[-1]["pga_g"],
         "wanted_pga": waves.pga,
+        "toppled": float(falling.tilt.max()) > standing.barrier.toppled_tilt,
         "made": waves.name == drive_runs.ROUGH,
         "motion": waves.name,
         "tried": motion.pga[-1],
@@ -140,11 +146,14 @@ def _shift(dataset: xr.Dataset) -> str:
     boundary = dataset["first_overturning_pga"].values
     boundary = boundary[:, np.isfinite(boundary[0])]
     change = 100.0 * (boundary[-1] / boundary[0] - 1.0)
-    change = change[np.isfinite(change)]
-    if not change.size:
+    found = change[np.isfinite(change)]
+    if not found.size:
         return "outside the grid"
-    worst = change[np.abs(change).argmax()]
-    return f"shifted by {np.median(change):+.1f} % in the median row and by {worst:+.1f} % at most"
+    worst = found[np.abs(found).argmax()]
+    shift = f"shifted by {np.median(found):+.1f} % in the median row and by {worst:+.1f} % at most"
+    lost = len(change) - len(found)
+    beyond = f", and beyond the grid in {counted(lost, 'row')} of {len(change)}"
+    return shift + beyond * bool(lost)
 
 
 def refuse_servo(site: Site) -> None:

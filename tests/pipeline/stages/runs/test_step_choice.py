@@ -218,3 +218,18 @@ def test_rows_that_keep_to_the_stated_error_are_counted(
     )
     name = ("boundary_error", "displaced_error")[boundary]
     assert step_choice.kept(measured.assign({name: stated}), boundary) == counts
+
+
+def test_a_finer_step_is_one_from_which_on_outcomes_agree() -> None:
+    """The coarsest one agrees by luck: it was named as a finer one."""
+    error = np.tile([0.005, 0.03, 0.008, 0.004], (3, 1))
+    row = {"row_error": error, "row_shift": 0.0 * error, "row_steps": error}
+    variables = {name: (("row", "step_share"), values) for name, values in row.items()}
+    measured = xr.Dataset(
+        variables | {"row_displaced": ("row", np.zeros(3, "i1")), "time_step": 0.4},
+        {"step_share": [8.0, 4.0, 2.0, 1.0]},
+        {"step_unit_s": 0.1},
+    )
+    assert step_choice.step_for(measured, 0.01) == pytest.approx(0.2)
+    assert step_choice.step_for(measured, 0.005) == pytest.approx(0.1)
+    assert step_choice.step_for(measured, 0.001) is None

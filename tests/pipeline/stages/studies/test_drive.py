@@ -105,6 +105,9 @@ def test_the_shift_is_that_of_the_last_servo_and_of_the_rows_that_the_frame_topp
     assert "by +25.0 % in the median row and by +25.0 % at most" in drive._shift(
         xr.Dataset({"first_overturning_pga": rows})
     )
+    rows = ("drive", "pgv_pga"), [[0.4, 0.5], [0.4, 0.5], [0.5, np.nan]]
+    said = drive._shift(xr.Dataset({"first_overturning_pga": rows}))
+    assert said.endswith("by +25.0 % at most, and beyond the grid in 1 row of 2")
 
 
 @pytest.mark.slow
@@ -210,6 +213,16 @@ def test_an_unstable_servo_is_refused_though_it_is_idle(
     words = (": servo: got", "Kp h / M = 5", "1.998 ms", "shorten the period")
     line = ("run", "drive", "--site", write_site(SITE), "--set", "servo.period=0.005")
     refused(*line, words=words)
+
+
+def test_a_servo_whose_force_does_not_do_is_refused_though_it_is_idle(
+    vsr: Callable[..., object], write_site: Callable[..., str]
+) -> None:
+    """Rows in which nothing topples for want of a motion told of a boundary beyond the grid."""
+    weak = ("--set", "servo.force_limit=6000")
+    ran = vsr("run", "drive", "--site", write_site(SITE), "--workers", "0", *weak)
+    assert ran.code == 2, ran.err  # type: ignore[attr-defined]
+    assert "servo.force_limit: got 6000 N for" in ran.err  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow
