@@ -43,6 +43,7 @@ class TableHistory:
     measured : ndarray, shape (n,) [m/s], velocity of the table
     force : ndarray, shape (n,) [N], of the servo
     tilt : ndarray, shape (n,) [rad], of the rock
+    height : ndarray, shape (n,) [m], of its centre of mass above the table
     duration : float [s], of the motion
     """
 
@@ -52,6 +53,7 @@ class TableHistory:
     measured: Array
     force: Array
     tilt: Array
+    height: Array
     duration: float
 
     @property
@@ -112,8 +114,8 @@ def track(scene: Scene, motion: GroundMotion, time_step: float, after: float) ->
     commands = samples(motion, drive, plan.interval, number)
     read = np.array(list(_read(world, commands)))
     time = plan.interval * np.arange(1, number + 1, dtype=np.float64)
-    speed, force, tilt = read.T
-    return TableHistory(time, motion.velocity(time), commands, speed, force, tilt, motion.duration)
+    wanted, (speed, force, tilt, height) = motion.velocity(time), read.T
+    return TableHistory(time, wanted, commands, speed, force, tilt, height, motion.duration)
 
 
 def errors(followed: TableHistory) -> Errors:
@@ -195,8 +197,10 @@ def synthetic(ratio: float) -> Trace:
     return Trace(acceleration, SYNTHETIC_STEP)
 
 
-def _read(world: DrivenWorld, commands: Array) -> Iterator[tuple[float, float, float]]:
+def _read(world: DrivenWorld, commands: Array) -> Iterator[tuple[float, ...]]:
+    """Velocity of the table, force of the servo, tilt and height of the rock."""
     for command in commands.tolist():
         world.advance([command])
-        upright = float(world.state().rotation[2, 2])
-        yield world.table()[1], world.force(), math.acos(max(-1.0, min(1.0, upright)))
+        state = world.state()
+        tilt = math.acos(max(-1.0, min(1.0, float(state.rotation[2, 2]))))
+        yield world.table()[1], world.force(), tilt, float(state.position[2])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from typing import Any
 
 import numpy as np
 import pytest
@@ -307,16 +306,15 @@ def test_channels_of_one_letter_or_figure() -> None:
     assert not doubts({"x": two, "y": one})
 
 
-def test_a_response_without_stages_is_told() -> None:
-    from obspy.core.inventory import Response
-    from obspy.core.inventory.response import InstrumentSensitivity
-
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_response_without_stages_is_told(whole: bool) -> None:
     from vsr_core.motions.records.instrument_response import without_response
 
-    class Whole:
-        def get_response(self, *which: Any) -> Response:
-            return Response(instrument_sensitivity=InstrumentSensitivity(1e6, 1, "M/S", "COUNTS"))
-
-    stream = obspy.Stream([obspy.Trace(wave(1), {"delta": STEP})])
-    with pytest.raises(InvalidInput, match="a response without stages"):
-        without_response(stream, Whole(), CORNERS)
+    stream, inventory = obspy.read().select(channel="EHZ"), obspy.read_inventory()
+    (channel,) = inventory.select(channel="EHZ", time=stream[0].stats.starttime)[0][0]
+    if whole:
+        channel.response.response_stages = []
+    else:
+        channel.response = None
+    with pytest.raises(InvalidInput, match=r"a response without stages for BW\.RJOB\.\.EHZ"):
+        without_response(stream, inventory, CORNERS)

@@ -482,6 +482,7 @@ def test_a_response_that_changes_within_the_record_is_refused(gap: float) -> Non
     parts = trace.slice(endtime=middle - gap), trace.slice(middle + 0.01 + gap)
     obspy.Stream(parts).write(waves, format="MSEED")
     (network,) = inventory.networks = inventory.select(station="RJOB", channel="EHZ").networks
+    network.stations = network.stations[-1:]  # that of the record's time
     early = network[0][0]
     late = copy.deepcopy(early)
     network[0].channels, early.end_date, late.start_date = [early, late], middle, middle
@@ -492,10 +493,21 @@ def test_a_response_that_changes_within_the_record_is_refused(gap: float) -> Non
         how = Reading("EHZ", None, xml.getvalue(), (0.5, 1.0, 20.0, 30.0))
         return read(waves.getvalue(), ".mseed", how)
 
-    assert np.nanmax(np.abs(taken().acceleration)) > 0.0
+    whole = taken().acceleration
+    late.azimuth = 180.0
+    refusal(taken, "BW.RJOB..EHZ", f"orientation since {middle}", "cut it there")
+    late.azimuth = 0.0
     late.response.response_stages[-1].stage_gain *= 2.0
     late.response.instrument_sensitivity.value *= 2.0
-    refusal(taken, "BW.RJOB..EHZ", f"another response since {middle}", "cut it there")
+    refusal(
+        taken, "BW.RJOB..EHZ", f"another response or orientation since {middle}", "cut it there"
+    )
+    early.end_date = late.start_date = trace.stats.starttime  # as of the file of a day
+    np.testing.assert_allclose(taken().acceleration, 0.5 * whole, rtol=1e-9)
+    late.end_date = middle
+    refusal(taken, "BW.RJOB..EHZ", f"the response ends at {middle}")
+    late.end_date = early.end_date
+    refusal(taken, "no channel of BW.RJOB..EHZ")
 
 
 def of_counts(counts: np.ndarray, unit: str, step: float, without: slice) -> Record:

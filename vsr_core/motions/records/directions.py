@@ -8,6 +8,7 @@ from typing import Any
 
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import Direction, Record
+from vsr_core.motions.records.station import channel_of
 
 _VERTICAL = re.compile(
     "(UP(WARDS?|DO(WN)?|DN)?|UD|DOWN|DWN|DN|VE?RTC?|VERTI[CK]ALE?|(ACC(EL(ERATION)?)?)?Z"
@@ -73,8 +74,8 @@ def of_stream(stream: Any, inventory: Any | None) -> tuple[Direction | None, ...
 
 def _of_trace(trace: Any, inventory: Any | None) -> Direction | None:
     if inventory is not None:
-        told = inventory.get_orientation(trace.id, trace.stats.starttime)
-        known = told["azimuth"], told["dip"]
+        channel = channel_of(trace, inventory)
+        known = channel.azimuth, channel.dip
         return None if None in known else Direction(*map(float, known))
     sac = trace.stats.get("sac", {})
     if not {"cmpaz", "cmpinc"} <= sac.keys():

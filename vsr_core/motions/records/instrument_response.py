@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.record import check_samples
+from vsr_core.motions.records.station import channel_of
 
 Corners = tuple[float, float, float, float]
 
@@ -36,11 +37,10 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
         given = "a response without corners"
         rule = "dividing by it needs a band, or it makes noise of the ends of the spectrum"
         raise InvalidInput(given, rule, "give motion.response.corners, four frequencies [Hz]")
-    for trace in stream:
-        _check_response(inventory.get_response(trace.id, trace.stats.starttime))
     stream.merge()
     for trace in stream:
-        _check_unchanged(trace, inventory, corners[1:3])
+        trace.stats.response = channel_of(trace, inventory).response
+        _check_response(trace.stats.response)
         counts = np.ma.masked_invalid(np.ma.asarray(trace.data).astype(np.float64))
         missing, places = np.ma.getmaskarray(counts), np.arange(len(counts))
         there = places[~missing]  # a line between velocities would have jumps of acceleration
@@ -51,33 +51,9 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
         line = np.polyval(np.polyfit(places, whole, 1), places)
         ends = min(math.ceil(1.0 / (corners[1] * trace.stats.delta)), len(whole))
         trace.data = _with_ends(whole - line, ends)
-        trace.remove_response(
-            inventory, output="ACC", water_level=None, pre_filt=corners, taper=False
-        )
+        trace.remove_response(output="ACC", water_level=None, pre_filt=corners, taper=False)
         trace.data = np.ma.masked_array(trace.data[ends : ends + len(whole)], missing)
     return stream
-
-
-def _check_unchanged(trace: Any, inventory: Any, band: tuple[float, float]) -> None:
-    """Refuse a record within which its channel gets another response: it is divided by one.
-
-    Parameters
-    ----------
-    band : tuple of float [Hz], at which responses are compared
-    """
-    names = ("network", "station", "location", "channel")
-    codes = dict(zip(names, trace.id.split("."), strict=True))
-    start, end = trace.stats.starttime, trace.stats.endtime
-    first = inventory.get_response(trace.id, start)
-    before = first.get_evalresp_response_for_frequencies(band, "ACC")
-    for channel in [c for n in inventory.select(**codes) for station in n for c in station]:
-        since = channel.start_date
-        if since is None or not start < since <= end:
-            continue
-        after = channel.response.get_evalresp_response_for_frequencies(band, "ACC")
-        if not np.allclose(after, before, rtol=1e-6, atol=0.0):
-            given = f"a record of {trace.id} from {start} to {end}, another response since {since}"
-            raise InvalidInput(given, "it is divided by one response", "cut it there")
 
 
 def _with_ends(values: Array, number: int) -> Array:
@@ -104,9 +80,6 @@ def _check_response(response: Any) -> None:
         if not _MOTION.fullmatch(unit):
             given = f"the response of an instrument in {unit}"
             raise InvalidInput(given, "it records motion, in units such as M/S or M/S**2", remedy)
-    if not response.response_stages:
-        given, rule = "a response without stages", "it is divided by, at each frequency"
-        raise InvalidInput(given, rule, "download it at level=response")
     gains = [stage.stage_gain for stage in response.response_stages]
     if whole and whole.value is not None and None not in gains:
         ratio = abs(math.prod(gains) / (whole.value or math.nan))

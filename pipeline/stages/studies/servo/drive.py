@@ -94,7 +94,7 @@ def make(
         "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},
         "pga": records[-1]["pga_g"],
         "wanted_pga": waves.pga,
-        "toppled": float(falling.tilt.max()) > standing.barrier.toppled_tilt,
+        "toppled": drive_runs.peak_tilt(falling, standing.barrier) > standing.barrier.toppled_tilt,
         "made": waves.name == drive_runs.ROUGH,
         "motion": waves.name,
         "tried": motion.pga[-1],

@@ -142,7 +142,7 @@ def tracks(
     ----------
     drives : list of Drive, the first the table's own frame, the last the site's servo
     """
-    step = STEP_SHARE * step_unit(scenes.level_rock)
+    step, limits = STEP_SHARE * step_unit(scenes.level_rock), scenes.standing.barrier
     found: dict[Followed, TableHistory] = {}
     records = []
     pulse = CosinePulse.from_g(*PULSE)
@@ -151,7 +151,7 @@ def tracks(
         scene = flat_scene(scenes, group, drive.servo)
         name = Followed(A_PULSE, drive.name)
         found[name] = track(scene, pulse, step, AFTER)
-        records.append(_record(name, scene, PULSE[0], found[name], pulse))
+        records.append(_record(name, scene, limits, PULSE[0], found[name], pulse))
     slow = replace(PUBLISHED, period=0.005)
     refused = dict.fromkeys(COLUMNS, math.nan) | {
         "case": f"{A_PULSE}, published gains, the loop itself at 200 Hz",
@@ -165,10 +165,10 @@ def tracks(
     last = drives[-1].servo
     assert last is not None
     scene = flat_scene(scenes, group, last)
-    pga, motion, course = _toppling(scene, scenes.standing.barrier, step, waves)
+    pga, motion, course = _toppling(scene, limits, step, waves)
     name = Followed(waves.name, drives[-1].name)
     found[name] = course
-    return found, [*records, refused, _record(name, scene, pga, course, motion)]
+    return found, [*records, refused, _record(name, scene, limits, pga, course, motion)]
 
 
 def _toppling(
@@ -179,13 +179,29 @@ def _toppling(
     while True:
         motion = RecordedMotion.scaled(waves.trace, pga)
         followed = track(scene, motion, step, AFTER)
-        if followed.tilt.max() > limits.toppled_tilt or LARGER * pga > LARGEST:
+        if peak_tilt(followed, limits) > limits.toppled_tilt or LARGER * pga > LARGEST:
             return pga, motion, followed
         pga *= LARGER
 
 
+def peak_tilt(followed: TableHistory, limits: Barrier) -> float:
+    """Largest tilt [rad] of a rock that is on the pedestal: it may slide off, and turn as it falls.
+
+    Returns
+    -------
+    float [rad]
+    """
+    on = np.logical_and.accumulate(followed.height > 0.9 * limits.floor)
+    return float(followed.tilt[on].max(initial=0.0))
+
+
 def _record(
-    name: Followed, scene: Scene, pga: float, followed: TableHistory, motion: GroundMotion
+    name: Followed,
+    scene: Scene,
+    limits: Barrier,
+    pga: float,
+    followed: TableHistory,
+    motion: GroundMotion,
 ) -> Record:
     servo = scene.drive
     assert servo is not None
@@ -206,7 +222,7 @@ def _record(
         "first_share": error.first_share if jumps else math.nan,
         "push_m_per_s": pushed.peak,
         "recovery_s": pushed.recovery,
-        "peak_tilt_deg": in_si.in_degrees(float(followed.tilt.max())),
+        "peak_tilt_deg": in_si.in_degrees(peak_tilt(followed, limits)),
         "note": "",
     }
 

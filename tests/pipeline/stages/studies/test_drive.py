@@ -62,7 +62,7 @@ def test_errors_of_a_known_course() -> None:
     wanted = 3.0 * time
     measured = wanted + np.where(time <= 1.0, 0.1, 9.0) * np.where(np.arange(200) % 2, 1.0, -1.0)
     zero = np.zeros(200)
-    found = errors(TableHistory(time, wanted, wanted, measured, zero, zero, 1.0))
+    found = errors(TableHistory(time, wanted, wanted, measured, zero, zero, zero, 1.0))
     assert found.rms == pytest.approx(0.1)
     assert found.largest == pytest.approx(0.1)
     assert found.first == pytest.approx(-0.1)
@@ -98,6 +98,16 @@ def test_a_made_motion_has_its_ratio_and_ends_at_rest() -> None:
         assert peaks[0] == pytest.approx(0.4 * GRAVITY, rel=1e-3)
         assert peaks[1] / peaks[0] == pytest.approx(ratio, rel=0.01)
         assert abs(float(trace.velocity[-1])) < 1e-3 * peaks[1]
+
+
+def test_a_slab_that_turns_beside_the_pedestal_has_not_toppled() -> None:
+    """It slid off, and lies lower than it can on it."""
+    limits = barrier(solid.box((1.0, 1.0, 0.15), 2600.0).rock)
+    time, zero = np.arange(4.0), np.zeros(4)
+    tilt, height = np.array([0.0, 0.02, 0.8, 3.1]), np.array([0.075, 0.075, -1.0, 0.075])
+    fallen = TableHistory(time, zero, zero, zero, zero, tilt, height, 3.0)
+    assert drive_runs.peak_tilt(fallen, limits) == 0.02
+    assert drive_runs.peak_tilt(replace(fallen, height=zero + 0.075), limits) == 3.1
 
 
 def test_the_shift_is_that_of_the_last_servo_and_of_the_rows_that_the_frame_topples() -> None:
