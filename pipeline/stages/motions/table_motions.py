@@ -235,9 +235,10 @@ def _check_way(motion: SampledMotion, columns: Columns) -> None:
         times = _hardness(motion, steps)
         fine = int(times.argmax())
         at = round(fine / SUBDIVISION)
-        name = AXES[int(np.abs(motion.derivative(motion.fine_times[[fine]], 2)).argmax())]
         if times[fine] > most:
-            where = f"{ways[name][at]:.10g} ({name}) at {motion.time[at]:.6g} s"
+            name = AXES[int(np.abs(motion.derivative(motion.fine_times[[fine]], 2)).argmax())]
+            value = motion.samples[at, AXES.index(name)] / _unit(columns[name])
+            where = f"{value:.10g} ({name}) at {motion.time[at]:.6g} s"
             mean = f"the mean of any {steps:g} steps beside it"
             given = f"{where}, where the table shakes {times[fine]:.2g} times as hard as in {mean}"
             rule = f"it is {most:g} times at most"

@@ -505,7 +505,10 @@ def test_a_response_that_changes_within_the_record_is_refused(gap: float) -> Non
     early.end_date = late.start_date = trace.stats.starttime  # as of the file of a day
     np.testing.assert_allclose(taken().acceleration, 0.5 * whole, rtol=1e-9)
     late.end_date = middle
-    refusal(taken, "BW.RJOB..EHZ", f"the response ends at {middle}")
+    refusal(taken, "BW.RJOB..EHZ", f"not known from {middle} on")
+    late.start_date, late.end_date = middle, None
+    refusal(taken, "BW.RJOB..EHZ", f"not known from {trace.stats.starttime} on")
+    late.start_date, late.end_date = trace.stats.starttime, middle
     late.end_date = early.end_date
     refusal(taken, "no channel of BW.RJOB..EHZ")
 

@@ -385,10 +385,10 @@ def _flat_top(values: Array) -> int:
     steps = np.abs(np.diff(values))
     least = float(steps[steps > 0.0].min())
     middle = np.median(values)
+    rest = FLICKER[-1] * np.abs(values).max()
     for size in (values - middle, middle - values):
-        top = float(size.max())
-        rests = max(size[0], size[-1]) >= (1.0 - FLICKER[-1]) * top  # which is no top
-        for share in () if rests else (0.0, *FLICKER):
+        top, extreme = float(size.max()), float(values[size.argmax()])
+        for share in (0.0, *FLICKER) if abs(extreme) > rest else ():  # zero is no top
             at = size >= (1.0 - share) * top
             near = size >= top - max(ABRUPT * share * top, DIGITS * least)
             longest = max(length for _, length in digits.runs(at))

@@ -39,9 +39,12 @@ def channel_of(trace: Any, inventory: Any) -> Any:
             since = max(other.start_date or stats.starttime, stats.starttime)
             given = f"a record of {span}, another response or orientation since {since}"
             raise InvalidInput(given, "it is divided by one response", remedy)
-    last = max(one.end_date or stats.endtime for one in epochs)
-    if last < stats.endtime:
-        given = f"a record of {span}, of which the response ends at {last}"
+    known = stats.starttime
+    for one in (first, *others):
+        if (one.start_date or known) <= known + stats.delta:
+            known = max(known, one.end_date or stats.endtime)
+    if known < stats.endtime:
+        given = f"a record of {span}, of which the response is not known from {known} on"
         raise InvalidInput(given, "it holds all through the record", remedy)
     return first
 

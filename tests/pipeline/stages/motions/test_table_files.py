@@ -274,6 +274,15 @@ def test_an_axis_that_hardly_moves_is_no_matter(sway: np.ndarray, tmp_path: Path
     load(write(path, header, FREQUENT, 1e3 * PULSE, 1e-3 * sway))
 
 
+def test_a_lone_sample_of_an_axis_that_bends_little_is_named(tmp_path: Path) -> None:
+    """By 4 % of what x bends in samples, and by more of what its spline does."""
+    path, header = tmp_path / "table.csv", "time [s],x [m],yaw [rad]"
+    yaw = 0.02 * np.abs(np.diff(PULSE, 2)).max() * (FREQUENT[20] == FREQUENT)
+    for share in (1.0, 1.5, 2.0):
+        with pytest.raises(InvalidInput, match=r"\(yaw\) at 0\.2 s, where the table shakes"):
+            load(write(path, header, FREQUENT, PULSE, share * yaw))
+
+
 @pytest.mark.parametrize("every", [3, 10, 17])
 @pytest.mark.parametrize("axis", ["x [mm]", "yaw [mrad]"])
 def test_what_a_tracker_loses_again_and_again_is_no_motion(
