@@ -24,7 +24,7 @@ from pipeline.drawing import style
 from pipeline.drawing.style import pictures, svg_uri
 from pipeline.stages.mesh.products import Standing
 from pipeline.stages.motions.motion_grid import MotionFiles
-from pipeline.stages.runs.scenes import Group, Scenes, refuse_force
+from pipeline.stages.runs.scenes import Group, Scenes, reach, refuse_force
 from pipeline.stages.studies.servo import drive_runs
 from pipeline.stages.studies.servo.drive_runs import A_PULSE, Followed
 from pipeline.workflow import pages, writers
@@ -71,7 +71,7 @@ def make(
     refuse_force(driven, motion.pga[-1], work.origin)
     drives = drive_runs.drives(in_si.servo(servo))
     waves = drive_runs.rough(motion, files)
-    tracks, records = drive_runs.tracks(scenes, group, drives, waves)
+    tracks, records = drive_runs.tracks(scenes, group, drives, waves, reach(driven))
     falling = tracks[Followed(waves.name, drives[-1].name)]
     rows = drive_runs.rows(work, motion, scenes, group, drives)
     dataset = described(_dataset(tracks, rows), work, "Driven table")

@@ -134,13 +134,14 @@ def rough(motion: MotionConfig, files: MotionFiles | None) -> Rough:
 
 
 def tracks(
-    scenes: Scenes, group: Group, drives: list[Drive], waves: Rough
+    scenes: Scenes, group: Group, drives: list[Drive], waves: Rough, most: float
 ) -> tuple[dict[Followed, TableHistory], list[Record]]:
     """Follow the table through the pulse with each servo, and through the rough motion.
 
     Parameters
     ----------
     drives : list of Drive, the first the table's own frame, the last the site's servo
+    most : float [g], largest PGA that its force gives
     """
     step, limits = STEP_SHARE * step_unit(scenes.level_rock), scenes.standing.barrier
     found: dict[Followed, TableHistory] = {}
@@ -165,21 +166,21 @@ def tracks(
     last = drives[-1].servo
     assert last is not None
     scene = flat_scene(scenes, group, last)
-    pga, motion, course = _toppling(scene, limits, step, waves)
+    pga, motion, course = _toppling(scene, limits, step, waves, min(most, LARGEST))
     name = Followed(waves.name, drives[-1].name)
     found[name] = course
     return found, [*records, refused, _record(name, scene, limits, pga, course, motion)]
 
 
 def _toppling(
-    scene: Scene, limits: Barrier, step: float, waves: Rough
+    scene: Scene, limits: Barrier, step: float, waves: Rough, most: float
 ) -> tuple[float, GroundMotion, TableHistory]:
     """The rough motion at the first PGA that topples the rock, or the largest."""
     pga = waves.pga
     while True:
         motion = RecordedMotion.scaled(waves.trace, pga)
         followed = track(scene, motion, step, AFTER)
-        if peak_tilt(followed, limits) > limits.toppled_tilt or LARGER * pga > LARGEST:
+        if peak_tilt(followed, limits) > limits.toppled_tilt or LARGER * pga > most:
             return pga, motion, followed
         pga *= LARGER
 

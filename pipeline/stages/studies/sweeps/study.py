@@ -276,6 +276,8 @@ def _fill(variable: xr.DataArray) -> Any:
 def _named(data: xr.Dataset, sweep: Sweep) -> xr.Dataset:
     """The dataset with a coordinate for each dimension of the sweep."""
     for one in sweep.dimensions:
+        if one.gridded and GRIDS[one.key] in data and "run" in data[GRIDS[one.key]].dims:
+            continue  # each run has its own
         if one.gridded and one.name != GRIDS[one.key]:
             data = data.rename({GRIDS[one.key]: one.name})
         values = list(one.values[one.key]) if one.is_numeric else list(one.labels)

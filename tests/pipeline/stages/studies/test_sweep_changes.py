@@ -11,7 +11,7 @@ import xarray as xr
 
 from pipeline.config.sweep import Dimension
 from pipeline.stages.studies.sweeps.changes import Change, about, along, changes, collapsed, spread
-from pipeline.stages.studies.sweeps.study import _by_record
+from pipeline.stages.studies.sweeps.study import _by_record, _named
 from vsr_core import GRAVITY
 from vsr_core.fragility.boundary import middle
 
@@ -194,3 +194,15 @@ def test_similar_rocks_have_one_curve_in_their_own_units() -> None:
     assert np.isnan(spread(between, SIZE)).all()  # no row of one is at the time of another's
     assert collapsed(alike.assign(rock_radius=("size", [1.0, 1.0]))) is None
     assert collapsed(alike.drop_vars("static_pga")) is None  # shaken along other axes than x
+
+
+@pytest.mark.parametrize("name", ["mu", "friction"])
+def test_runs_of_a_displacement_keep_their_own_friction(name: str) -> None:
+    """They lie along no dimension of the sweep, and a grid does."""
+    swept = Dimension(name, {"contact.friction": (0.3, 0.5)}, ("0.3", "0.5"), 0, gridded=True)
+    sweep = SimpleNamespace(dimensions=(swept,))
+    own = np.array([[0.3, 0.5, 0.5], [0.3, 0.3, 0.5]])
+    runs = xr.Dataset({"friction": (("e", "run"), own), "slip": (("e", "run"), 2.0 * own)})
+    assert _named(runs, sweep).friction.values.tolist() == own.tolist()  # type: ignore[arg-type]
+    grid = xr.Dataset({"slip": ("friction", [1.0, 2.0])}, {"friction": [0.3, 0.5]})
+    assert _named(grid, sweep)[name].values.tolist() == [0.3, 0.5]  # type: ignore[arg-type]
