@@ -738,6 +738,13 @@ def test_clipping_that_flickers_or_leans_is_refused(size: float, limit: float) -
     refusal(lambda: repaired(record(flat - line)), "in a row", "clipped")
 
 
+def test_clipping_at_zero_is_refused_where_that_is_no_rest() -> None:
+    """As of a digitizer without a sign: the record rests at more than zero."""
+    most = np.abs(VALUES).max()
+    assert repaired(record(VALUES + most)) is not None
+    refusal(lambda: repaired(record(np.maximum(VALUES + 0.3 * most, 0.0))), "in a row", "clipped")
+
+
 @pytest.mark.parametrize("steps", [50, 100, 1000])
 @pytest.mark.parametrize("limit", [0.3, 0.5])
 def test_clipping_is_refused_of_few_digits(steps: int, limit: float) -> None:

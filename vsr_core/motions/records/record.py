@@ -385,10 +385,10 @@ def _flat_top(values: Array) -> int:
     steps = np.abs(np.diff(values))
     least = float(steps[steps > 0.0].min())
     middle = np.median(values)
-    rest = FLICKER[-1] * np.abs(values).max()
+    zero, ends = FLICKER[-1] * np.abs(values).max(), np.abs(values[[0, -1]]).max()
     for size in (values - middle, middle - values):
         top, extreme = float(size.max()), float(values[size.argmax()])
-        for share in (0.0, *FLICKER) if abs(extreme) > rest else ():  # zero is no top
+        for share in (0.0, *FLICKER) if max(abs(extreme), ends) > zero else ():  # rest is none
             at = size >= (1.0 - share) * top
             near = size >= top - max(ABRUPT * share * top, DIGITS * least)
             longest = max(length for _, length in digits.runs(at))

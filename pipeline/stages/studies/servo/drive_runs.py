@@ -176,7 +176,7 @@ def _toppling(
     scene: Scene, limits: Barrier, step: float, waves: Rough, most: float
 ) -> tuple[float, GroundMotion, TableHistory]:
     """The rough motion at the first PGA that topples the rock, or the largest."""
-    pga = waves.pga
+    pga = min(waves.pga, most)
     while True:
         motion = RecordedMotion.scaled(waves.trace, pga)
         followed = track(scene, motion, step, AFTER)
