@@ -231,12 +231,14 @@ def _check_way(motion: SampledMotion, columns: Columns) -> None:
     ways = {name: motion.samples[:, AXES.index(name)] / _unit(columns[name]) for name in moving}
     for name, way in ways.items():
         digits.refuse_lines(way, name, motion.time)
+    velocity, acceleration = (motion.derivative(motion.fine_times, order) for order in (1, 2))
+    step = motion.duration / (len(motion.time) - 1)
     for steps, most in MOST_OF_MEAN.items() if ways else ():
-        times = _hardness(motion, steps)
+        times = _times_the_mean(velocity, acceleration, steps, step)
         fine = int(times.argmax())
         at = round(fine / SUBDIVISION)
         if times[fine] > most:
-            name = AXES[int(np.abs(motion.derivative(motion.fine_times[[fine]], 2)).argmax())]
+            name = AXES[int(np.abs(acceleration[fine]).argmax())]
             value = motion.samples[at, AXES.index(name)] / _unit(columns[name])
             where = f"{value:.10g} ({name}) at {motion.time[at]:.6g} s"
             mean = f"the mean of any {steps:g} steps beside it"
@@ -248,18 +250,22 @@ def _check_way(motion: SampledMotion, columns: Columns) -> None:
         digits.refuse_held(way, name, motion.time)
 
 
-def _hardness(motion: SampledMotion, steps: float) -> Array:
+def _times_the_mean(velocity: Array, acceleration: Array, steps: float, step: float) -> Array:
     """Accelerations as multiples of the largest mean over steps beside them; 0 of small ones.
+
+    Parameters
+    ----------
+    velocity, acceleration : ndarray, shape (n, 6), at the fine times
+    step : float [s], between samples
 
     Returns
     -------
-    ndarray, shape (n,), at the fine times: of the axes or the angles, the larger
+    ndarray, shape (n,), of the axes or the angles, the larger
     """
     aside = round(0.5 * steps * SUBDIVISION)
-    velocity, acceleration = (motion.derivative(motion.fine_times, order) for order in (1, 2))
     at_rest = np.pad(velocity, ((aside, aside), (0, 0)))
     gained = at_rest[2 * aside :] - at_rest[: -2 * aside]
-    mean = gained * (len(motion.time) - 1) / (steps * motion.duration)
+    mean = gained / (steps * step)
     least, times = MOST_ROUNDED * np.abs(acceleration).max(), np.zeros(len(mean))
     for axes in (slice(0, 3), slice(3, 6)):
         size, means = (np.linalg.norm(rows[:, axes], axis=1) for rows in (acceleration, mean))
