@@ -30,7 +30,7 @@ REFUSED = {
 }
 
 
-READY = ("-o", "setup", "-o", "setup-dev")
+READY = ("-o", "setup", "-o", "setup-dev", "-o", "setup-lint")
 """What runs the tests is installed, whatever has been edited since."""
 
 
