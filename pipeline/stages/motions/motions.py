@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.config import in_si
-from pipeline.config.motion_schema import MotionConfig, PulseGrid, TableMotionConfig
+from pipeline.config.motion_schema import MotionConfig, PulseGrid, RecordConfig, TableMotionConfig
 from pipeline.stages.motions import table_motions
 from pipeline.stages.motions.motion_grid import SHAPES, MotionData, MotionFiles
 from pipeline.stages.motions.record_inputs import Ready, unread
@@ -55,20 +55,30 @@ def make(work: Work, motion: MotionConfig, files: MotionFiles | None) -> Product
             dataset[name].attrs["comment"] = "of an axis with pga_ratio 1 and the grid's PGV/PGA"
     else:
         assert files is not None
-        for line in unread(work.origin, motion.files or ()):
-            work.log(f"motions: {line}")
-        if files.tables is not None:
-            dataset, summary = table_motions.dataset(files.tables, motion.pga)
-        else:
-            for one in files.records:
-                for doubt in one.doubts:
-                    work.log(f"motions: {one.file}: {doubt}")
-            dataset, summary = _records(files.records, motion.pga)
+        dataset, summary = _given(work, motion, files)
     dataset = described(dataset, work, "Ground motions")
     if "velocity" in dataset:  # in the catalogue it is that of a rock
         dataset["velocity"].attrs["long_name"] = "ground velocity"
     made = {MotionData.FILE: netcdf(dataset)}
     return Product(made, summary)
+
+
+def _given(
+    work: Work, motion: RecordConfig | TableMotionConfig, files: MotionFiles
+) -> tuple[xr.Dataset, str]:
+    """The motions in files, and in the log what is in doubt of them."""
+    for line in unread(work.origin, motion.files or ()):
+        work.log(f"motions: {line}")
+    if files.tables is None:
+        for one in files.records:
+            for doubt in one.doubts:
+                work.log(f"motions: {one.file}: {doubt}")
+        return _records(files.records, motion.pga)
+    dataset, summary = table_motions.dataset(files.tables, motion.pga)
+    for name, doubt in zip(dataset["record"].values, dataset["repairs"].values, strict=True):
+        if doubt:
+            work.log(f"motions: {name}: {doubt}")
+    return dataset, summary
 
 
 def _pulses(

@@ -218,12 +218,12 @@ def _records(study: Study) -> dict[str, Any]:
     return {"records": rows, "processing": study.motion.processing}
 
 
-def _tables(study: Study) -> list[str]:
-    """Names of the motions in several axes; none where they are others."""
+def _tables(study: Study) -> list[report_tables.Row]:
+    """The motions in several axes from files; none where they are others."""
     motion = study.motion
     if not isinstance(motion, TableMotionConfig) or motion.files is None:
         return []
-    return [str(name) for name in study.motions.rows]
+    return report_tables.records(study.motion_data.data)
 
 
 def _in_yaml(settings: dict[str, Any]) -> str:

@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 from conftest import Ran
 
-from pipeline.stages.motions.table_motions import load
+from pipeline.stages.motions.table_motions import _doubt, load
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import barrier
@@ -139,6 +139,24 @@ def test_noise_that_no_digit_shows_is_refused(
         load(path)
 
 
+@pytest.mark.parametrize("step", [2.54e-6, 0.2 / 2**16])
+def test_steps_of_an_encoder_are_told_or_refused(step: float, tmp_path: Path) -> None:
+    """By known peaks: what passes with more than a twentieth too much says so."""
+    told = []
+    for size in (0.003, 0.03, 0.1, 0.3):
+        way = size * (1.0 - np.cos(np.pi * FREQUENT / FREQUENT[-1] * 2.0)) ** 2
+        path = write(tmp_path / "table.csv", "time [s],x [m]", FREQUENT, step * np.rint(way / step))
+        exact = 4.0 * size * (2.0 * np.pi / FREQUENT[-1]) ** 2
+        if size < 0.01:
+            with pytest.raises(InvalidInput, match="of the PGA"):
+                load(path)
+        else:
+            motion = load(path)
+            assert _doubt(motion) or motion.peak_acceleration < 1.05 * exact
+            told.append(bool(_doubt(motion)))
+    assert set(told) == {False, True}
+
+
 def test_what_is_sampled_six_times_a_period_is_no_noise(tmp_path: Path) -> None:
     way = 0.01 * np.sin(np.pi * FREQUENT / FREQUENT[-1]) ** 4 * np.sin(FREQUENT / 0.01 * np.pi / 3)
     load(write(tmp_path / "table.csv", "time [s],x [m]", FREQUENT, way))
@@ -224,7 +242,9 @@ def test_a_way_that_is_cut_off_is_no_motion(lowest: float, flicker: float, tmp_p
     noise = np.random.default_rng(0).choice([0.0, flicker], len(time))
     way = np.where((way < lowest) | (way > 35.0), np.clip(way, lowest, 35.0) + noise, way)
     write(path, "time [s],x [mm]", time, way)
-    with pytest.raises(InvalidInput, match=r"stand still from or to \d\.|where the table shakes"):
+    with pytest.raises(
+        InvalidInput, match=r"stand still from or to \d\.|where the table shakes|jump to and fro"
+    ):
         load(path)
 
 
@@ -410,6 +430,19 @@ def test_a_table_that_stands_or_turns_about_its_middle_shakes_nothing(
     write(tmp_path / "again.csv", "time [s],x [m],yaw [degree]", TIME, *columns)
     given = ("plan", "--site", site, "--set", "motion.files=[again.csv]")
     refused(*given, words=("motion.files", "again.csv", "a table that never moves"))
+
+
+def test_noise_of_positions_is_told(
+    site: str, vsr: Callable[..., Ran], derived: Path, tmp_path: Path
+) -> None:
+    way = 0.04 * (1.0 - np.cos(np.pi * FREQUENT / FREQUENT[-1] * 2.0)) ** 2
+    write(tmp_path / "again.csv", "time [s],x [m]", FREQUENT, 2.54e-6 * np.rint(way / 2.54e-6))
+    ran = vsr("run", "motions", "--site", site, "--set", "motion.files=[again.csv, tilting.csv]")
+    data = xr.load_dataset(derived / "rock" / "motions.nc")
+    told = dict(zip(data["record"].values, data["repairs"].values, strict=True))
+    assert "of its PGA" in told["again"]
+    assert told["tilting"] == ""
+    assert f"motions: again: {told['again']}" in ran.out + ran.err
 
 
 @pytest.mark.slow
