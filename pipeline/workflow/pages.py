@@ -67,12 +67,17 @@ def _environment() -> Environment:
     return environment
 
 
-def _number(value: float, digits: int = 3) -> str:
+def _number(value: float, digits: int = 3, limit: float = math.nan) -> str:
     """A number to so many significant digits; a dash where it is not known.
 
-    >>> _number(0.012345), _number(math.nan)
-    ('0.0123', '–')
+    It has more where fewer would set it beyond a limit that it is within, or within one that it
+    is beyond.
+
+    >>> _number(0.012345), _number(math.nan), _number(1.0004, 2, limit=1.0)
+    ('0.0123', '–', '1.0004')
     """
+    while (float(f"{value:.{digits}g}") > limit) != (value > limit):
+        digits += 1
     return _DASH if math.isnan(value) else f"{value:.{digits}g}"
 
 

@@ -128,9 +128,22 @@ def _wanted(swept: Swept) -> Identity:
         member.name: graph.checked(swept.stage, swept.jobs[member.place])[swept.stage].key
         for member in sweep.members
     }
+    _refuse_idle(swept, needs)
     reference = {one.name: one.labels[one.reference] for one in sweep.dimensions}
     asked = {"sweep": dimensions, "reference": reference, "product": swept.stage}
     return graph.made_from(COMPARISON, asked, {}, needs)
+
+
+def _refuse_idle(swept: Swept, keys: dict[str, str]) -> None:
+    """Refuse a dimension along which no member's product changes, by the key of each."""
+    members = swept.sweep.members
+    for n, one in enumerate(swept.sweep.parted):
+        found = {(m.place[:n], m.place[n + 1 :], keys[m.name]) for m in members}
+        if len(found) * len(one.labels) == len(members) > len(found):
+            rule = f"{swept.stage} does not depend on it here"
+            remedy = "sweep a product that does, or set what uses it (for a servo, drive: servo)"
+            given = ", ".join(one.values)
+            raise InputError(Problem(swept.sweep.file, f"sweep.{one.name}", given, rule, remedy))
 
 
 def _log(job: Job, member: Member, line: str) -> None:

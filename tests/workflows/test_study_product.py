@@ -124,9 +124,10 @@ def _check_page(study: Study, headline: str) -> None:
     assert headline in page.replace("&#39;", "'")
     assert page.count("<img") == 6
     assert "levels without a known change" in page  # not unchanged
+    assert "The boundary is the first-overturning PGA" in page
     assert "Compared with bounce 0, " in headline
     assert (
-        "At 0.2 nothing topples up to the highest PGA tried." in headline
+        "At 0.2 nothing topples up to the highest PGA tried there." in headline
     )  # a friction below 1:4, or 1:2
     assert "is that of the runs alone" in page  # as steps that are given have no error
 
@@ -334,6 +335,26 @@ def test_any_product_can_be_swept(study: Study) -> None:
     data = study.data()
     assert data["tipping_pga"].dims == ("size", "direction")
     np.testing.assert_allclose(data["tipping_pga"].sel(direction=0), [0.25, 0.5 / 3.0])
+    page = study.page("study")
+    assert "Members and data" in page
+    assert "boundary" not in page  # which a rock has none of
+
+
+def test_a_sweep_of_what_nothing_uses_is_refused(study: Study) -> None:
+    """Gains of a servo, where none drives the table; where one does, and by `drive`, they count."""
+    text = "simulation: {engine: auto}\nyaw: 0\nsweep:\n  gain: {servo.kp: [5.0e+7, 2.0e+7]}\n"
+    (study.folder / "study.yaml").write_text(text)
+    ran = study.vsr("run", "study", *study.line(), "--workers", "0")
+    assert ran.code == 2
+    (told,) = ran.err.splitlines()
+    assert "study.yaml: sweep.gain: got servo.kp; fragility does not depend on it here" in told
+    assert not list(study.derived.rglob("*.nc"))
+    assert study.vsr("plan", *study.line()).code == 2
+    assert study.vsr("plan", "drive", *study.line()).code == 0
+    assert study.vsr("plan", *study.line(), "--set", "drive=servo").code == 0
+    with (study.folder / "study.yaml").open("a") as file:
+        file.write("  by: {drive: [table_frame, servo]}\n")
+    assert study.vsr("plan", *study.line()).code == 0
 
 
 @pytest.mark.slow

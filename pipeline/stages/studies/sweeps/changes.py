@@ -305,8 +305,10 @@ def _none(changes: list[Change]) -> str:
     safe = [one.label for one in changes if one.toppled == 0.0 and not one.bounded]
     left = [one for one in changes if one.label not in safe]
     kinds = {
-        "that no longer topple": [(one, one.lost) for one in left],
-        "that do not topple at the reference": [(one, one.gained) for one in left],
+        "that do not topple up to the highest PGA tried there": [(one, one.lost) for one in left],
+        "that do not topple at the reference up to the highest PGA tried": [
+            (one, one.gained) for one in left
+        ],
         "that topple at the lowest PGA tried": [
             (one, one.lowest) for one in left if not one.is_reference
         ],
@@ -317,7 +319,7 @@ def _none(changes: list[Change]) -> str:
         if any(count for _, count in found)
     ]
     if safe:
-        said.append(f"At {_named(safe)} nothing topples up to the highest PGA tried.")
+        said.append(f"At {_named(safe)} nothing topples up to the highest PGA tried there.")
     return " ".join(said)
 
 

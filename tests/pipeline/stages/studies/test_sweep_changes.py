@@ -99,13 +99,13 @@ def test_sentences_tell_a_change_from_its_error() -> None:
     assert "moves by +26 % at 4" in said  # the fourth root of 0.30 / 0.12, less 1
     assert "at half or more of the PGV/PGA levels at 4" in said
     said = about(SIZE, compared(same, [NEVER] * 4), None, [])
-    assert "At 4 nothing topples up to the highest PGA tried." in said
+    assert "At 4 nothing topples up to the highest PGA tried there." in said
 
 
 def test_what_topples_beyond_the_grid_topples() -> None:
     said = about(SIZE, compared([NEVER] * 4, [(1.4, 1.6)] * 4), None, [])
     assert "No PGV/PGA level has a boundary at both" in said
-    assert "At 1 nothing topples up to the highest PGA tried." in said
+    assert "At 1 nothing topples up to the highest PGA tried there." in said
 
 
 def not_run(data: xr.Dataset, place: int, levels: list[int]) -> xr.Dataset:
@@ -138,21 +138,25 @@ def test_runs_by_their_number_are_no_rows_of_records() -> None:
             xr.testing.assert_identical(found, part)
 
 
-def test_levels_that_no_longer_topple_are_named_beside_a_place_where_nothing_does() -> None:
-    same = [(0.3, 0.4)] * 4
+def test_levels_that_were_not_seen_to_topple_are_named_as_such() -> None:
+    """One ended below the reference's boundary: whether it topples there is not known."""
+    same, cut = [(0.3, 0.4)] * 4, (0.2, np.inf)
     three = Dimension("size", {"rock.radius": (1, 4, 9)}, ("1", "4", "9"), 0, gridded=False)
-    said = about(three, changes(study(same, [*same[:3], NEVER], [NEVER] * 4), three), None, [])
-    assert "This excludes PGV/PGA levels that no longer topple: 1 of 4 at 4." in said
-    assert "At 9 nothing topples up to the highest PGA tried." in said
+    said = about(three, changes(study(same, [*same[:3], cut], [NEVER] * 4), three), None, [])
+    words = "that do not topple up to the highest PGA tried there: 1 of 4 at 4."
+    assert f"This excludes PGV/PGA levels {words}" in said
+    assert "no longer" not in said
+    assert "At 9 nothing topples up to the highest PGA tried there." in said
 
 
 def test_levels_that_a_mean_leaves_out_are_told_with_the_reason() -> None:
     """Neither topples, only the other does, and the lowest PGA topples one, or both."""
     same, low = (0.3, 0.4), AT_ONCE
     said = about(SIZE, compared([NEVER, NEVER, same, low], [NEVER, same, same, low]), None, [])
-    assert "PGV/PGA levels that do not topple at the reference: 1 of 4 at 4." in said
+    words = "that do not topple at the reference up to the highest PGA tried: 1 of 4 at 4."
+    assert f"PGV/PGA levels {words}" in said
     assert "PGV/PGA levels that topple at the lowest PGA tried: 1 of 4 at 4." in said
-    assert "no longer" not in said
+    assert "tried there" not in said
     found = compared([same, same, low, NEVER], [low, NEVER, same, low])[1]
     assert (found.lost, found.gained, found.lowest, found.without) == (1, 1, 2, 4)
 
