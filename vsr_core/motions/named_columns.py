@@ -137,7 +137,7 @@ def of_netcdf(content: bytes) -> NetCDF:
     Raises
     ------
     InvalidInput
-        If it is no whole NetCDF, or has no coordinate ``time``.
+        If it is no whole NetCDF, has groups, or has no coordinate ``time``.
     """
     if endless(content) is not None:
         given = "a NetCDF file with a heap without end, which HDF5 would read for ever"
@@ -153,6 +153,9 @@ def of_netcdf(content: bytes) -> NetCDF:
 
 
 def _along_time(data: netCDF4.Dataset) -> NetCDF:
+    if data.groups:
+        given = f"a NetCDF file with the groups {', '.join(data.groups)[:80]}"
+        raise InvalidInput(given, "all variables are at its root", "move or leave out the others")
     if "time" not in data.variables or data["time"].ndim != 1:
         given = f"a NetCDF file with the variables {', '.join(data.variables)[:80]}, without time"
         raise InvalidInput(given, "one of them is the coordinate time", "name it so")

@@ -24,6 +24,9 @@ ENGINE = "bullet"
 RECOVERED = 0.1
 """Share of the peak of a disturbance below which the table has recovered."""
 
+SHAKEN = 0.01
+"""Share of the PGV: a table is shaken from the first velocity above it to the last."""
+
 WAVES = tuple(float(f) for f in np.geomspace(0.6, 8.0, 24))
 """Frequencies of the short waves in a made motion [Hz]."""
 
@@ -44,7 +47,6 @@ class TableHistory:
     force : ndarray, shape (n,) [N], of the servo
     tilt : ndarray, shape (n,) [rad], of the rock
     height : ndarray, shape (n,) [m], of its centre of mass above the table
-    duration : float [s], of the motion
     """
 
     time: Array
@@ -54,7 +56,6 @@ class TableHistory:
     force: Array
     tilt: Array
     height: Array
-    duration: float
 
     @property
     def error(self) -> Array:
@@ -68,7 +69,7 @@ class Errors:
 
     Attributes
     ----------
-    rms, largest : float [m/s], over the motion
+    rms, largest : float [m/s], while the table is ``shaken``
     first : float [m/s]
         At the end of the first control period: what becomes of a jump of the acceleration at t = 0.
     first_share : float
@@ -115,20 +116,35 @@ def track(scene: Scene, motion: GroundMotion, time_step: float, after: float) ->
     read = np.array(list(_read(world, commands)))
     time = plan.interval * np.arange(1, number + 1, dtype=np.float64)
     wanted, (speed, force, tilt, height) = motion.velocity(time), read.T
-    return TableHistory(time, wanted, commands, speed, force, tilt, height, motion.duration)
+    return TableHistory(time, wanted, commands, speed, force, tilt, height)
 
 
 def errors(followed: TableHistory) -> Errors:
-    """Errors while the motion lasts."""
-    during = followed.time <= followed.duration * (1.0 + 1e-9)
-    error = followed.error[during]
-    first = float(error[0])
+    """Errors while the table is shaken."""
+    error = followed.error[shaken(followed.wanted)]
     return Errors(
         float(np.sqrt(np.mean(error**2))),
         float(np.abs(error).max()),
-        first,
+        float(followed.error[0]),
         float(followed.measured[0] / followed.wanted[0]),
     )
+
+
+def shaken(velocity: Array) -> slice:
+    """The samples in which a motion shakes a table: zeros around it, and filtered ones, do not.
+
+    Parameters
+    ----------
+    velocity : ndarray, shape (n,), of the motion, not zero throughout
+
+    Examples
+    --------
+    >>> shaken(np.array([0.0, 1e-4, 1.0, 0.0, -0.5, 0.0]))
+    slice(2, 5, None)
+    """
+    speed = np.abs(velocity)
+    strong = np.flatnonzero(speed > SHAKEN * speed.max())
+    return slice(int(strong[0]), int(strong[-1]) + 1)
 
 
 def standing_loop(followed: TableHistory, scene: Scene) -> Array:

@@ -212,8 +212,10 @@ def refuse_copies(file: str, key: str, motions: Iterable[Scaled]) -> None:
     for place, one in enumerate(found):
         for other in found[place + 1 : bisect_right(numbers, (1.0 + _ALIKE) * one.left)]:
             if one.differs_in_scale_only(other):
-                given = f"{one.file} and {other.file}, which are one motion at two scales"
-                rule = "each record is scaled to every PGA"
+                equal = np.isclose(np.abs(one.samples).max(), np.abs(other.samples).max())
+                what = "the same motion" if equal else "one motion at two scales"
+                given = f"{one.file} and {other.file}, which are {what}"
+                rule = "each is named once, and scaled to every PGA"
                 raise InputError(Problem(file, key, given, rule, "leave one out"))
 
 

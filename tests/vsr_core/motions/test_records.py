@@ -252,6 +252,15 @@ def test_netcdf(tmp_path: Path) -> None:
     refusal(lambda: read_netcdf(content, "acceleration", "m/s2"), "the unit 'm'")
 
 
+def test_netcdf_with_groups_is_refused(tmp_path: Path) -> None:
+    """What is in one was left out, and not told."""
+    path = tmp_path / "one.nc"
+    files.netcdf(path, VALUES, STEP, "m/s2")
+    with netCDF4.Dataset(path, "a") as file:
+        file.createGroup("more").createVariable("y", "f8", ("time",))
+    refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), "the groups more", "at its root")
+
+
 def test_a_heap_without_end_is_refused_before_it_is_read(tmp_path: Path) -> None:
     """Texts with other letters lie in one; its free place is given no length."""
     path = tmp_path / "one.nc"

@@ -204,7 +204,7 @@ def disturbed(drive: xr.Dataset) -> Figure:
         case["time"], case["table_velocity"], color=style.SERIES[0], lw=0.8, label="measured"
     )
     upper.set_ylabel("velocity of the\ntable [m/s]")
-    upper.legend(loc="upper left")
+    upper.legend(loc="upper left", title=case["case_motion"].item())
     middle.plot(time, np.degrees(case["tilt"]), color=style.OVERTURNED, lw=1.0)
     middle.set(ylabel="tilt of the\nrock [deg]", xlabel="time [s]")
     start, stop = push - _AROUND[0], push + _AROUND[1]

@@ -125,10 +125,17 @@ class Rough(NamedTuple):
 
 
 def rough(motion: MotionConfig, files: MotionFiles | None) -> Rough:
-    """The record of the largest PGV/PGA of a site, or a made motion where it has none."""
+    """The record of the largest PGV/PGA of a site, or a made motion where it has none.
+
+    Of several components the table of one axis takes the larger horizontal one.
+    """
     if files is not None and files.records:
         longest = files.records[-1]  # they ascend
-        return Rough(f"{RECORD} {longest.name}", motion.pga[0], longest.trace)
+        name = f"{RECORD} {longest.name}"
+        if longest.components is not None:
+            peaks = np.abs(longest.components.acceleration[:, :2]).max(axis=0)
+            name += f" (component {'xy'[int(peaks.argmax())]} alone)"
+        return Rough(name, motion.pga[0], longest.trace)
     pga, ratio = SYNTHETIC
     return Rough(ROUGH, pga, synthetic(ratio))
 

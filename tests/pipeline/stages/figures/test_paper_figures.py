@@ -311,6 +311,22 @@ def test_a_disturbance_stands_out_and_is_over_soon(kick: float, lasts: float, fo
     assert fig_07._disturbance(course(kick, lasts)).found is found
 
 
+def between_rests(case: xr.Dataset, length: int) -> xr.Dataset:
+    """A course with a table at rest before and after it."""
+    rest = {"commanded_velocity": 0.0, "table_velocity": 0.0, "time": 0.0, "tilt": (0.0, 1.2)}
+    found = case.pad(sample=length, constant_values=rest)
+    return found.assign(time=("sample", 0.001 * np.arange(found.sizes["sample"])))
+
+
+@pytest.mark.parametrize("length", [0, 20_000])
+def test_fig_7_counts_errors_of_the_time_of_shaking_alone(length: int) -> None:
+    """Errors of 1 mm/s in a cosine have an rms of 0.71 mm/s, however long the table rests."""
+    case = between_rests(course(0.05, 0.05), length)
+    assert " 0.71 mm/s rms before" in fig_07._disturbance(case).measured
+    pulse = between_rests(course(0.0, 0.05), length).assign(case_drive="servo")
+    assert fig_07._overlap([pulse]).measured == "servo: 0.07 % of PGV"
+
+
 def test_fig_7_draws_both_motions_and_magnifies_the_disturbance() -> None:
     cases = [course(0.0, 1.0), course(0.05, 0.02)]
     drive = xr.concat(cases, "sample").assign(

@@ -175,7 +175,7 @@ REFUSED = {
     "a drift": (f"{{{XYZ}}}", "drift", "motion.records", "z, a motion that ends at"),
     "no such channel": ("{file: one.csv, components: {x: HN1}}", "", "motion.records", "HN1"),
     "one file twice": ("{components: {x: x.csv, y: x.csv}}", "", "motion.records", "same samples"),
-    "one motion twice": (f"{{{XYZ}}}, {EAST}", "", "motion.records", "one motion at two scales"),
+    "one motion twice": (f"{{{XYZ}}}, {EAST}", "", "motion.records", "the same motion"),
     "one name twice": (f"{{{XYZ}}}, {{{XYZ}}}", "", "motion.records", "x more than once"),
 }  # fmt: skip
 

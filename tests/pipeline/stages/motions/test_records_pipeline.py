@@ -355,6 +355,7 @@ BAD = {
         "files: good.csv, processing: {order: paper, highpass: 0.01, lowpass: null}",
         PATHS, "high-pass at 0.01 Hz", "motion.processing.highpass",
     ),
+    "copies": (f"files: [good.csv, copy.csv], {NONE}", PATHS, "the same motion", "named once"),
     "two scales": (f"files: [good.csv, other.csv], {NONE}", PATHS, "one motion at two scales"),
     "two scales about a mirror image": (
         f"files: [good.csv, mirror.csv, other.csv], {NONE}", PATHS, "one motion at two scales",
@@ -394,6 +395,7 @@ def test_bad_input_is_one_line(case: str, tmp_path: Path, refused: Refused) -> N
     good = pulse_record(0.3)
     (tmp_path / "empty").mkdir()
     (tmp_path / "good.csv").write_text(good)
+    (tmp_path / "copy.csv").write_text(good)
     (tmp_path / "bare.csv").write_text(good.replace("a [m/s2]", "a"))
     a = np.array([float(line.split(",")[1]) for line in good.splitlines()[1:]])
     step = CosinePulse.from_g(0.3, 0.3).duration / 600
