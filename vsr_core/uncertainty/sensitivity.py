@@ -38,11 +38,11 @@ LENGTHS = (1.0, 4.0)
 SEED = 11
 """Of the samples."""
 
-FEWEST = 8
-"""Draws with which a process is tried."""
+FEWEST = 16
+"""Draws with which a process is tried: with 8 it explained noise in 4 of 60 tries."""
 
 FOLDS = 10
-"""Parts in which draws are left out; single draws where there are fewer."""
+"""Parts in which draws are left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +186,7 @@ def _explained(design: Array, output: Array) -> float:
     spread over the priors, and make a fold.
     """
     every, error = np.arange(len(output)), np.empty(len(output))
-    for out in np.array_split(every, min(FOLDS, len(every))):
+    for out in np.array_split(every, FOLDS):
         rest = np.setdiff1d(every, out)
         kernel, noise = _fitted(design[rest], output[rest])
         weights = _weights(kernel(design), noise, output, rest)

@@ -88,9 +88,14 @@ def test_a_signal_has_indices_and_noise_has_none(draws: int, seeds: Sequence[int
 
 @pytest.mark.parametrize("kind", ["noise", "censored", "constant", "few"])
 def test_no_index_without_support(kind: str) -> None:
-    even = qmc.Sobol(5, rng=1).random(4 if kind == "few" else 32)
+    even = qmc.Sobol(5, rng=1).random(15 if kind == "few" else 32)
     output = np.random.default_rng(0).normal(size=len(even))
-    output = {"censored": np.append(output[1:], np.inf), "constant": 0.0 * output}.get(kind, output)
+    special = {
+        "censored": np.append(output[1:], np.inf),
+        "constant": 0.0 * output,
+        "few": even[:, 0],
+    }
+    output = special.get(kind, output)
     found = sensitivity.shares(unknowns(even), output)
     assert np.isnan(found.first).all()
     assert np.isnan(found.total).all()
