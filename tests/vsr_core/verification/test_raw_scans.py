@@ -38,6 +38,7 @@ def test_verdict(name: str) -> None:
     assert found.verdict in allowed, found
 
 
+@pytest.mark.slow
 def test_machine_code_that_is_compiled_first_is_no_part_of_settling(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
