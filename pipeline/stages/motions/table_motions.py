@@ -17,6 +17,7 @@ from pipeline.config.outside import held
 from pipeline.config.paths import shown
 from pipeline.stages.motions import record_inputs
 from pipeline.workflow.datasets import split
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.keys import digest_bytes
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
@@ -64,7 +65,8 @@ def dataset(loaded: Loaded, pga: tuple[float, ...]) -> tuple[xr.Dataset, str]:
     data["repairs"] = "record", [_doubt(one) for one in motions]
     turning = sum(one.turns for one in motions)
     shaking = len(pga) * sum(one.duration for one in motions)
-    summary = f"{len(names)} motions of a table x {len(pga)} PGA, {shaking:.0f} s of shaking"
+    own = counted(len(names), "table motion")
+    summary = f"{own} x {len(pga)} PGA, {shaking:.0f} s of shaking"
     return data, summary + (f"; {turning} of them turn it" if turning else "")
 
 
