@@ -252,6 +252,16 @@ def test_netcdf(tmp_path: Path) -> None:
     refusal(lambda: read_netcdf(content, "acceleration", "m/s2"), "the unit 'm'")
 
 
+def test_numbers_that_no_byte_stands_for_are_bounded_before_they_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "many.nc"
+    with netCDF4.Dataset(path, "w") as file:
+        file.createDimension("time", 6_000_000)
+        for name in ("time", "east"):
+            file.createVariable(name, "f4", ("time",), zlib=True, chunksizes=(1_000_000,))
+    assert path.stat().st_size < 20_000
+    refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), "12000000 numbers along time")
+
+
 def test_a_heap_without_end_is_refused_before_it_is_read(tmp_path: Path) -> None:
     """Texts with other letters lie in one; its free place is given no length."""
     path = tmp_path / "one.nc"
