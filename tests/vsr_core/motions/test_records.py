@@ -6,6 +6,7 @@ import codecs
 import copy
 import io
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -353,6 +354,15 @@ def test_knet_whose_scale_contradicts_its_peak(change: tuple[str, str]) -> None:
     old, new = change
     text = files.knet(VALUES, STEP).replace(old, new.replace("&", old))
     refusal(lambda: read(text.encode(), ".NS", PLAIN), "gal by its scale factor", "two agree")
+
+
+def test_a_sample_of_knet_has_no_underscore() -> None:
+    """Python reads 12_00 as 1200."""
+    pytest.importorskip("obspy")
+    text = files.knet(VALUES, STEP)
+    at = text.index("Memo.") + 9
+    changed = text[:at] + re.sub(r"(\d)(\d)", r"\1_\2", text[at:], count=1)
+    refusal(lambda: read(changed.encode(), ".NS", PLAIN), "among its samples; they are numbers")
 
 
 def test_miniseed_and_sac_by_obspy(tmp_path: Path) -> None:
