@@ -22,6 +22,9 @@ PAGE, KNOWN = "index.html", ".index.json"
 MARK = b"/* Index of results, written by vsr. */"
 """Stands in the head of each index, as another ``index.html`` may be anybody's."""
 
+_LARGEST = 256 * 1024**2
+"""Bytes of an index: of thousands of pages with a small picture each."""
+
 DEEPEST = 4
 """Folders below that of the results in which products are: a member of a study of a site."""
 
@@ -40,12 +43,12 @@ def renew(derived: Path) -> Path | None:
     Raises
     ------
     InputError
-        If a page stands there that is no index of results; it is left as it is.
+        If something stands there that is no index of results; it is left as it is.
     """
     page = derived / PAGE
     with suppress(OSError):
         folders, known = list(product_folders(derived)), _known(derived)
-        stands = page.read_bytes() if page.is_file() else b""
+        stands = content(page, _LARGEST) if page.exists() else b""
         others = bool(stands) and MARK not in stands
         if not folders:
             for path in () if others else (page, derived / KNOWN):

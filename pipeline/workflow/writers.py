@@ -44,6 +44,10 @@ def moved(part: Path) -> Writer:
     return write
 
 
+_AT_ONCE = 1000
+"""Rows written at once: of a table with a column for each of many branches pandas writes few."""
+
+
 def table(frame: pd.DataFrame) -> Writer:
     """Writer of a table as CSV, numbers to six digits.
 
@@ -63,7 +67,9 @@ def tables(frames: Iterable[pd.DataFrame]) -> Writer:
         with path.open("w", encoding="utf-8", newline="") as file:
             for number, frame in enumerate(frames):
                 shown = frame.map(_shown).rename(columns=_shown)
-                shown.to_csv(file, header=not number, index=False, lineterminator="\r\n")
+                shown.to_csv(
+                    file, header=not number, index=False, lineterminator="\r\n", chunksize=_AT_ONCE
+                )
 
     return write
 

@@ -816,6 +816,17 @@ def test_a_rock_or_a_comparison_counts_once(
     refused("run", "hazard", "--site", path, words=(f"hazard.{key}", words))
 
 
+def test_a_copy_of_a_file_is_no_rock_of_its_own(
+    refused: Callable[..., str], write_site: Callable[..., str]
+) -> None:
+    path = Path(write_site(BOX + GRID + HAZARD))
+    copy = shutil.copy(path, path.with_name("copy.yaml"))
+    rocks = f"hazard.rocks=[{{site: {copy}, age: {{kind: normal, mean: 500}}}}]"
+    refused(
+        *("run", "hazard", "--site", path, "--set", rocks), words=("hazard.rocks", "a copy of rock")
+    )
+
+
 def test_a_setting_that_a_comparison_cannot_have_is_refused_by_its_name(
     refused: Callable[..., str],
 ) -> None:

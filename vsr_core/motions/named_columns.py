@@ -159,19 +159,21 @@ def _along_time(data: netCDF4.Dataset) -> NetCDF:
     if "time" not in data.variables or data["time"].ndim != 1:
         given = f"a NetCDF file with the variables {', '.join(data.variables)[:80]}, without time"
         raise InvalidInput(given, "one of them is the coordinate time", "name it so")
-    check_size(data["time"].size)
-    columns, others = [], []
-    for name, variable in data.variables.items():
-        numeric = np.dtype(variable.dtype).kind in "iuf"
-        if numeric and variable.dimensions == data["time"].dimensions:
-            unit = getattr(variable, "units", None)
-            columns.append(Column(name, None if unit is None else str(unit), _filled(variable)))
-        else:
-            others.append(name)
+    along = {
+        name: variable
+        for name, variable in data.variables.items()
+        if np.dtype(variable.dtype).kind in "iuf" and variable.dimensions == data["time"].dimensions
+    }
+    check_size(len(along) * data["time"].size, "numbers along time")  # few bytes may stand for all
+    columns = []
+    for name, variable in along.items():
+        unit = getattr(variable, "units", None)
+        columns.append(Column(name, None if unit is None else str(unit), _filled(variable)))
+    others = [name for name in data.variables if name not in along]
     return NetCDF(columns, others, {name: str(data.getncattr(name)) for name in data.ncattrs()})
 
 
-def check_size(number: int) -> None:
+def check_size(number: int, what: str = "rows") -> None:
     """Refuse a table that is longer than any recorded or commanded motion.
 
     Raises
@@ -181,7 +183,7 @@ def check_size(number: int) -> None:
     """
     if number > MOST_SAMPLES:
         raise InvalidInput(
-            f"{number} rows", f"a motion has at most {MOST_SAMPLES}", "cut it to the shaking"
+            f"{number} {what}", f"a motion has at most {MOST_SAMPLES}", "cut it to the shaking"
         )
 
 

@@ -164,17 +164,17 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
     total = sum(row.weight for row in rows)
     branches, ended = [], 0
     for row in (row for row in rows if row.weight > 0.0):
-        pga = curves[row.rlz_id, "PGA"][1]
-        pgv = curves.get((row.rlz_id, "PGV"))
-        ended += len(pga.levels) - len(pga.curve().levels)
+        one = curves[row.rlz_id, "PGA"][1]
+        pga, pgv = one.curve(), curves.get((row.rlz_id, "PGV"))
+        ended += len(one.levels) - len(pga.levels)
         if pgv:
-            _together(pgv[0], pga.curve(), pgv[1].curve())
+            _together(pgv[0], pga, pgv[1].curve())
         branches.append(
             Branch(
                 "mean" if row.rlz_id == MEAN else str(row.rlz_id),
                 row.branch_path,
                 row.weight / total,
-                pga.curve(),
+                pga,
                 pgv[1].curve() if pgv else None,
             )
         )
@@ -186,7 +186,7 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
             *unused,
             f"{counted(ended, 'level')} of PGA that nothing exceeds left out, at ends of curves",
         )
-    return HazardModel(tuple(branches), (pga.lon, pga.lat), unused)
+    return HazardModel(tuple(branches), (one.lon, one.lat), unused)
 
 
 def _check_strength(source: Path, branches: Sequence[Branch]) -> None:
@@ -225,8 +225,9 @@ def _alike(curves: list[tuple[Path, GivenCurve]]) -> None:
         if one.years != first.years:
             given = f"{one.years:g} years, and elsewhere {first.years:g}"
             raise refused(path, "investigation_time", given, rule, remedy)
-        if len(one.levels) != len(levels) or not np.allclose(
-            one.levels, levels, rtol=1e-5, atol=0.0
+        if one.levels != levels and (
+            len(one.levels) != len(levels)
+            or not np.allclose(one.levels, levels, rtol=1e-5, atol=0.0)
         ):
             given = f"other levels than {shown(other)}"
             raise refused(path, "levels", given, rule, remedy)

@@ -56,7 +56,8 @@ _MOST = 50_000_000
 
 _MOST_SETTINGS = 10_000
 
-_MOST_BRANCHES = 100_000
+_MOST_BRANCHES = 20_000
+"""Realizations, which take two minutes of computing from their file to the page."""
 
 _LARGEST = 64 * 1024**3
 """Bytes of a calculation, of whose arrays only some are read."""
@@ -179,6 +180,9 @@ def load_calculation(path: Path) -> HazardModel:
         years = number_of(settings["investigation_time"])
         known = {name: [number_of(level) for level in levels[name]] for name in measures}
     check_sites(path, sites, lon.size, lat.size)
+    if number > _MOST_BRANCHES:
+        given, rule = f"{number:,} realizations", f"there are at most {_MOST_BRANCHES:,}"
+        raise refused(path, _STORED, given, rule, "sample the logic tree, or export the mean curve")
     if "PGA" not in measures:
         given, rule = f"curves of {', '.join(measures)}", "the probability of toppling is for PGA"
         raise refused(path, "imt", given, rule, "calculate PGA too")

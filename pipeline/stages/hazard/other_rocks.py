@@ -184,12 +184,24 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
                 rule = "each rock is counted once, and has a name of its own"
                 raise InputError(Problem(file, key, given, rule, "leave it out, or rename"))
             named.append(other.name)
+    _check_copies([origin, *(one.site for one in rocks if isinstance(one, Other))], origin)
     folders = [folder_of(one.name) for one in hazard.compare]
     if len(set(folders)) < len(folders):
         twice = next(one.name for one in hazard.compare if folders.count(folder_of(one.name)) > 1)
         file, rule = origin.file_of("hazard.compare"), "a comparison has a name of its own"
         raise InputError(Problem(file, "hazard.compare", f"{twice!r} twice", rule, "rename one"))
     return Others(rocks, *_compared(hazard, origin), earlier)
+
+
+def _check_copies(rocks: Sequence[Origin], origin: Origin) -> None:
+    """Refuse a rock whose file is a copy of one beside it: all that it names is the same, too."""
+    held: dict[tuple[Path, str], str] = {}
+    for one in rocks:
+        other = held.setdefault((one.folder, keys.digest_file(one.path)), one.name)
+        if other != one.name:
+            file, given = origin.file_of("hazard.rocks"), f"{one.name}, a copy of {other}"
+            rule, remedy = "each rock is counted once", "leave it out"
+            raise InputError(Problem(file, "hazard.rocks", given, rule, remedy))
 
 
 def _compared(hazard: HazardConfig, origin: Origin) -> tuple[tuple[Other, ...], tuple[str, ...]]:

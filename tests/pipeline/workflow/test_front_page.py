@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import errno
 import io
 import os
 import re
@@ -158,8 +159,26 @@ def test_who_asks_for_none_is_told_so(refused: Callable[..., str]) -> None:
     refused("index", words=("no index of results", "make fragility"))
 
 
-def test_a_folder_that_cannot_be_written_to_is_no_failure(results: Path) -> None:
-    (results / "index.html").mkdir()  # in the way of it, whoever writes
+def test_what_is_no_page_is_left_and_named(results: Path) -> None:
+    path = results / "index.html"
+    path.mkdir()
+    with pytest.raises(InputError, match=r"index\.html: got no regular file"):
+        front_page.renew(results)
+    path.rmdir()
+    with path.open("wb") as file:
+        file.truncate(2 * 1024**3)
+    with bounded(5.0, 500.0), pytest.raises(InputError, match=r"index\.html: got a file of 2 GiB"):
+        front_page.renew(results)
+    assert path.stat().st_size == 2 * 1024**3
+
+
+def test_a_folder_that_cannot_be_written_to_is_no_failure(
+    results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_room(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "no space left")
+
+    monkeypatch.setattr(os, "fsync", no_room)
     assert front_page.renew(results) is None
     assert not list(results.glob(".part-*"))
 

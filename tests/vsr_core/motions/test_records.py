@@ -6,6 +6,7 @@ import codecs
 import copy
 import io
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -261,6 +262,16 @@ def test_netcdf_with_groups_is_refused(tmp_path: Path) -> None:
     refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), "the groups more", "at its root")
 
 
+def test_numbers_that_no_byte_stands_for_are_bounded_before_they_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "many.nc"
+    with netCDF4.Dataset(path, "w") as file:
+        file.createDimension("time", 6_000_000)
+        for name in ("time", "east"):
+            file.createVariable(name, "f4", ("time",), zlib=True, chunksizes=(1_000_000,))
+    assert path.stat().st_size < 20_000
+    refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), "12000000 numbers along time")
+
+
 def test_a_heap_without_end_is_refused_before_it_is_read(tmp_path: Path) -> None:
     """Texts with other letters lie in one; its free place is given no length."""
     path = tmp_path / "one.nc"
@@ -352,6 +363,15 @@ def test_knet_whose_scale_contradicts_its_peak(change: tuple[str, str]) -> None:
     old, new = change
     text = files.knet(VALUES, STEP).replace(old, new.replace("&", old))
     refusal(lambda: read(text.encode(), ".NS", PLAIN), "gal by its scale factor", "two agree")
+
+
+def test_a_sample_of_knet_has_no_underscore() -> None:
+    """Python reads 12_00 as 1200."""
+    pytest.importorskip("obspy")
+    text = files.knet(VALUES, STEP)
+    at = text.index("Memo.") + 9
+    changed = text[:at] + re.sub(r"(\d)(\d)", r"\1_\2", text[at:], count=1)
+    refusal(lambda: read(changed.encode(), ".NS", PLAIN), "among its samples; they are numbers")
 
 
 def test_miniseed_and_sac_by_obspy(tmp_path: Path) -> None:
@@ -468,9 +488,14 @@ def test_response_of_obspys_example_is_removed(tmp_path: Path) -> None:
     )
     assert np.corrcoef(ours, other)[0, 1] > 0.97
     assert np.abs(ours).max() == pytest.approx(np.abs(other).max(), rel=0.1)
+    altogether = b"</Frequency>\n            <InputUnits>\n              <Name>M/S"
+    spelt = how.response.replace(altogether, altogether.replace(b"M/S", b"m/sec"))
+    alike = read(path.read_bytes(), ".mseed", replace(how, response=spelt))
+    np.testing.assert_array_equal(alike.acceleration, found.acceleration)
     for old, new, words in (
         (b"<Value>1500.0<", b"<Value>150000.0<", "100 times the sensitivity"),
         (b"<Value>1500.0<", b"<Value>NaN<", "nan times the sensitivity"),
+        (altogether, altogether + b"**2", "in M/S**2 whose first stage is in M/S"),
         (b"<Name>M/S<", b"<Name>PA<", "an instrument in PA"),
         (b"<Name>M/S<", b"<Name>M/S^2<", "an instrument in M/S^2"),
         (b"<Name>M/S<", b"<Name>CM/SEC**2<", "an instrument in CM/SEC**2"),
@@ -522,12 +547,21 @@ def test_a_response_that_changes_within_the_record_is_refused(gap: float) -> Non
     refusal(taken, "no channel of BW.RJOB..EHZ")
 
 
-def of_counts(counts: np.ndarray, unit: str, step: float, without: slice) -> Record:
-    """The record of an instrument with a flat response of 1e6 counts, which left out a gap."""
+def of_counts(
+    counts: np.ndarray, unit: str, step: float, without: slice, *stages: object
+) -> Record:
+    """The record of an instrument with a flat response of 1e6 counts, which left out a gap.
+
+    Parameters
+    ----------
+    stages : of the response, after the flat one
+    """
     obspy = pytest.importorskip("obspy")
     from obspy.core.inventory import Channel, Inventory, Network, Response, Station
 
     flat = Response.from_paz([], [], 1e6, input_units=unit, output_units="COUNTS")
+    flat.instrument_sensitivity.value = 1e6  # which ObsPy gives per metre
+    flat.response_stages += stages
     channel = Channel("HNE", "", 0.0, 0.0, 0.0, 0.0, sample_rate=1.0 / step, response=flat)
     station = Station("STA", 0.0, 0.0, 0.0, channels=[channel])
     xml, waves = io.BytesIO(), io.BytesIO()
@@ -543,6 +577,40 @@ def of_counts(counts: np.ndarray, unit: str, step: float, without: slice) -> Rec
     obspy.Stream(traces).write(waves, format="MSEED")
     how = Reading("HNE", None, xml.getvalue(), (0.05, 0.1, 25.0, 35.0))
     return read(waves.getvalue(), ".mseed", how)
+
+
+@pytest.mark.parametrize("unit", ["NM/S", "MM/S**2", "CM", "M/(SEC**2)", "m/s/s"])
+def test_a_response_has_the_sensitivity_that_it_says_in_each_unit(unit: str) -> None:
+    pytest.importorskip("obspy")
+    from obspy.core.inventory.response import PolesZerosResponseStage
+
+    def taken(*factor: float) -> Record:
+        counts, laplace = np.sin(0.05 * np.arange(4000)), "LAPLACE (RADIANS/SECOND)"
+        stages = [
+            PolesZerosResponseStage(2, 1.0, 1.0, "COUNTS", "COUNTS", laplace, 1.0, [], [], one)
+            for one in factor
+        ]
+        return of_counts(1e4 * counts, unit, 0.005, slice(400, 400), *stages)
+
+    np.testing.assert_allclose(taken(1.0).acceleration, taken().acceleration)
+    refusal(lambda: taken(1e3), "1e+03 times the sensitivity that it says, at 1 Hz")
+
+
+def test_a_response_that_is_zero_within_the_band_is_at_fault() -> None:
+    """The mean of ten samples of 100 a second is nothing of 10 Hz."""
+    pytest.importorskip("obspy")
+    from obspy.core.inventory.response import CoefficientsTypeResponseStage
+
+    keys = ("input_sample_rate", "factor", "offset", "delay", "correction")
+    by = {f"decimation_{key}": value for key, value in zip(keys, (100, 1, 0, 0, 0), strict=True)}
+    kinds = "COUNTS", "COUNTS", "DIGITAL"
+    mean = CoefficientsTypeResponseStage(
+        2, 1, 1, *kinds, numerator=[0.1] * 10, denominator=[], **by
+    )
+    counts = 1e4 * np.sin(0.05 * np.arange(4000))
+    without = "M/S**2", 0.01, slice(400, 400)
+    assert np.isfinite(of_counts(counts, *without).acceleration).all()
+    refusal(lambda: of_counts(counts, *without, mean), "a response for XX.STA..HNE that is zero")
 
 
 @pytest.mark.parametrize("off", [[8e4], [8e4, 8e4], [-32768.0]])

@@ -159,6 +159,9 @@ def _checked_rate_of_knet(content: bytes) -> float:
     lines = content.decode("latin-1").splitlines()
     said = dict(_KNET_SIZE.findall("\n".join(lines[:_KNET_HEADER])))
     samples = [line.rstrip() for line in lines[_KNET_HEADER:]]
+    if joined := next((line for line in samples if "_" in line), None):
+        given = f"a K-NET file with {joined.strip()[:40]!r} among its samples"
+        raise InvalidInput(given, "they are numbers", "download it again")
     number = sum(len(line.split()) for line in samples)
     rate = float(said.get("Sampling Freq(Hz)", "nan"))
     wanted = float(said.get("Duration Time(s)", "nan")) * rate

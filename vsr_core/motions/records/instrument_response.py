@@ -16,8 +16,8 @@ from vsr_core.motions.records.station import channel_of
 
 Corners = tuple[float, float, float, float]
 
-_GAINS_ALIKE = 3.0
-"""Factor within which a gain is that of its stages."""
+_ALIKE = 3.0
+"""Factor within which a sensitivity is that of its stages."""
 
 
 def without_response(stream: Any, inventory: Any, corners: Corners | None) -> Any:
@@ -52,6 +52,10 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
         ends = min(math.ceil(1.0 / (corners[1] * trace.stats.delta)), len(whole))
         trace.data = _with_ends(whole - line, ends)
         trace.remove_response(output="ACC", water_level=None, pre_filt=corners, taper=False)
+        if not np.isfinite(trace.data).all():
+            given = f"a response for {trace.id} that is zero, or no number, at a frequency"
+            rule = "the spectrum of the record is divided by it"
+            raise InvalidInput(given, rule, "correct the response, or download it again")
         trace.data = np.ma.masked_array(trace.data[ends : ends + len(whole)], missing)
     return stream
 
@@ -66,23 +70,42 @@ def _with_ends(values: Array, number: int) -> Array:
 
 
 _MOTION = re.compile(
-    r"[NCM]?M(/S(EC)?|/S\*\*2)?|M/(\(S\*\*2\)|SEC\*\*2|\(SEC\*\*2\)|S/S)", re.IGNORECASE
+    r"([NCM]?)M(?:/S(?:EC)?|/S\*\*2)?|M/(?:\(S\*\*2\)|SEC\*\*2|\(SEC\*\*2\)|S/S)", re.IGNORECASE
 )
 """Units of displacement, velocity and acceleration that ObsPy divides by: in others that it lists,
 as CM/SEC**2, it forgets the factor, and what it does not list it takes as it is."""
+
+_IN_METRE = {"": 1.0, "C": 1e2, "M": 1e3, "N": 1e9}
 
 
 def _check_response(response: Any) -> None:
     """Refuse the response of no motion, and one whose stages are not what it says altogether."""
     whole, remedy = response.instrument_sensitivity, "correct the response, or download it again"
-    units = [one.input_units for one in (whole, *response.response_stages[:1]) if one]
-    for unit in filter(None, units):
-        if not _MOTION.fullmatch(unit):
+    first, finer = response.response_stages[0], 1.0
+    units = [one.input_units for one in (whole, first) if one and one.input_units]
+    for unit in units:
+        motion = _MOTION.fullmatch(unit)
+        if not motion:
             given = f"the response of an instrument in {unit}"
             raise InvalidInput(given, "it records motion, in units such as M/S or M/S**2", remedy)
-    gains = [stage.stage_gain for stage in response.response_stages]
-    if whole and whole.value is not None and None not in gains:
-        ratio = abs(math.prod(gains) / (whole.value or math.nan))
-        if not 1.0 / _GAINS_ALIKE <= ratio <= _GAINS_ALIKE:
+        finer = _IN_METRE[(motion[1] or "").upper()]
+    if len(set(map(_spelt_alike, units))) > 1:
+        given = f"a response in {units[0]} whose first stage is in {units[1]}"
+        raise InvalidInput(given, "the two agree", remedy)
+    if whole and whole.value is not None:
+        at = whole.frequency or first.stage_gain_frequency or 0.0
+        (found,) = response.get_evalresp_response_for_frequencies([at], "DEF", None, None, True)
+        ratio = abs(found / finer / (whole.value or math.nan))
+        if not 1.0 / _ALIKE <= ratio <= _ALIKE:
             given = f"a response whose stages have {ratio:.3g} times the sensitivity that it says"
-            raise InvalidInput(given, f"the two agree within a factor of {_GAINS_ALIKE:g}", remedy)
+            given += f", at {at:g} Hz"
+            raise InvalidInput(given, f"the two agree within a factor of {_ALIKE:g}", remedy)
+
+
+def _spelt_alike(unit: str) -> str:
+    """A unit in one of its spellings.
+
+    >>> {_spelt_alike(unit) for unit in ("m/s**2", "M/(SEC**2)", "M/S/S")}
+    {'M/S**2'}
+    """
+    return re.sub(r"EC|[()]", "", unit.upper()).replace("S/S", "S**2")

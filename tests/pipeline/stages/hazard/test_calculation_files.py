@@ -124,6 +124,15 @@ def test_what_is_no_calculation_of_one_site_is_refused(tmp_path: Path) -> None:
     assert str(error.value).count("\n") == 0
 
 
+def test_realizations_are_as_many_as_a_hazard_takes_minutes_for(tmp_path: Path) -> None:
+    path, number = written(tmp_path / "calc_7.hdf5"), 20_001
+    with h5py.File(path, "r+") as file:
+        put(file, CURVES, np.repeat(file[CURVES][:, :1], number, axis=1))
+        put(file, "weights", np.full(number, 1.0 / number))
+    with pytest.raises(InputError, match="got 20,001 realizations; there are at most 20,000"):
+        curve_folder.load(path)
+
+
 CURVES = "hcurves-rlzs"
 DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
     "one number": (lambda file: put(file, CURVES, 0.5), "individual_rlzs"),

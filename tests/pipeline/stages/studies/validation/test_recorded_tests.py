@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
@@ -110,6 +111,22 @@ def test_records_that_were_replaced_are_read_again(tmp_path: Path) -> None:
 def test_records_that_contradict_themselves(tmp_path: Path, change: Change, words: str) -> None:
     with pytest.raises(InputError, match=words):
         motions_of(changed(tmp_path, change))
+
+
+@pytest.mark.parametrize("name", ["time", "acceleration"])
+def test_numbers_that_no_byte_stands_for_are_bounded_before_they_are_read(
+    tmp_path: Path, name: str
+) -> None:
+    recorded_tests(tmp_path)
+    with netCDF4.Dataset(tmp_path / RECORDS, "w") as data:
+        data.createDimension("test", 2)
+        data.createDimension("time", 50_000_000 if name == "time" else 25_000_000)
+        dimensions = {"time": ("time",), name: ("test", "time")[name == "time" :]}
+        for one, along in dimensions.items():
+            data.createVariable(one, "f4", along, zlib=True, fill_value=0.5)
+    assert (tmp_path / RECORDS).stat().st_size < 100_000
+    with pytest.raises(InputError, match=f"{name}: got 50000000 numbers; it holds at most"):
+        motions_of(tmp_path)
 
 
 def told(folder: Path, change: Change) -> list[str]:
