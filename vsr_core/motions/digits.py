@@ -17,10 +17,6 @@ _MOST = 30
 _MARK = re.compile(r"-?((?=(\.?9){3})9+(\.9+)?|3276[78])")
 """What loggers and tables write for a sample that is missing: -999, 9999.99, -32768."""
 
-ORDER, BLOCK = 20, 80
-"""Differences that leave little of what is sampled four times a period, and samples in which what
-they leave is told from a jump of the acceleration."""
-
 _LONE = 5.0
 """Times what is around from which on a peak is none."""
 
@@ -31,12 +27,9 @@ motion may stop and start than it bends elsewhere. Of 490 recorded shake-table m
 _STRAIGHT, _LINES = 0.005, 2.5
 """Share of the largest bend about it that is none; lines from which on they join the values."""
 
-_JOINED = ((BLOCK, 0.3), (4 * BLOCK, 0.8))
+_JOINED = ((80, 0.3), (320, 0.8))
 """Samples about the hardest bends, and share of them that does not bend where lines join them. Of
 490 recorded shake-table motions one is so at 50 Hz, and none at 100 and 200 Hz."""
-
-_NORMAL = 0.6745
-"""Median of a normal variable's size, in standard deviations."""
 
 
 def last(values: Array) -> Array:
@@ -126,7 +119,7 @@ def refuse_lines(values: Array, name: str, times: Array) -> None:
             at = int(joined.argmax()) + 1
             given = f"positions that straight lines join about {times[at]:.6g} s ({name})"
             rule = "they are samples of a motion, which bends between them, too"
-            remedy = "give those of the first rate, or join them by a spline"
+            remedy = "give those of the first rate, or more digits, or join them by a spline"
             raise InvalidInput(given, rule, remedy)
 
 
@@ -154,20 +147,6 @@ def refuse_held(values: Array, name: str, times: Array) -> None:
         )
         rule = f"they bend there {_HELD:g} times as much as elsewhere at most"
         raise InvalidInput(given, rule, "leave out what is cut off or held there, or fill it")
-
-
-def noise(values: Array) -> float:
-    """Standard deviation of what is white in a series, of its noisiest part; 0 for a short one.
-
-    From high differences: those of noise grow, those of what is sampled often vanish (von Neumann
-    et al. 1941, Ann. Math. Statist. 12, 153-162, of the first). The median leaves out jumps.
-    """
-    if len(values) < BLOCK + ORDER:
-        return 0.0
-    left = np.abs(np.diff(values, ORDER)) / math.sqrt(math.comb(2 * ORDER, ORDER))
-    return (
-        max(float(np.median(part)) for part in np.array_split(left, len(left) // BLOCK)) / _NORMAL
-    )
 
 
 def runs(flags: Mask) -> list[tuple[int, int]]:

@@ -30,11 +30,3 @@ def test_of_fixed_digits_it_is_no_finer_than_they_are(numbers: list[float], plac
 def test_of_numbers_that_were_never_rounded_it_is_nothing() -> None:
     values = np.random.default_rng(1).normal(size=100)
     assert (digits.last(values) < 1e-10 * np.abs(values).max()).all()
-
-
-@pytest.mark.parametrize("noise", [0.0, 1e-4])
-def test_white_noise_is_told_from_a_motion_that_begins_with_a_jump(noise: float) -> None:
-    t = np.arange(0.0, 20.0, 0.01)
-    pulse = 1.0 - np.cos(2.0 * np.pi * np.clip(t - 3.0, 0.0, 2.0) / 2.0)
-    white = np.random.default_rng(2).normal(0.0, noise, len(t)) if noise else 0.0
-    assert digits.noise(pulse + white) == pytest.approx(noise, rel=0.5, abs=1e-9)

@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 from conftest import Ran
 
-from pipeline.stages.motions.table_motions import _doubt, load
+from pipeline.stages.motions.table_motions import _doubt, _rough, load
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import barrier
@@ -135,24 +135,27 @@ def test_noise_that_no_digit_shows_is_refused(
     kept: Callable[[np.ndarray], np.ndarray], tmp_path: Path
 ) -> None:
     path = write(tmp_path / "table.csv", "time [s],x [m]", FREQUENT, kept(PULSE))
-    with pytest.raises(InvalidInput, match="jump to and fro"):
+    with pytest.raises(InvalidInput, match=r"straight|jump to and fro"):
         load(path)
 
 
 @pytest.mark.parametrize("step", [2.54e-6, 0.2 / 2**16])
 def test_steps_of_an_encoder_are_told_or_refused(step: float, tmp_path: Path) -> None:
-    """By known peaks: what passes with more than a twentieth too much says so."""
+    """By known peaks: what passes says how much of its PGA is too much."""
     told = []
-    for size in (0.003, 0.03, 0.1, 0.3):
+    for size in (0.003, 0.01, 0.02, 0.3):
         way = size * (1.0 - np.cos(np.pi * FREQUENT / FREQUENT[-1] * 2.0)) ** 2
         path = write(tmp_path / "table.csv", "time [s],x [m]", FREQUENT, step * np.rint(way / step))
         exact = 4.0 * size * (2.0 * np.pi / FREQUENT[-1]) ** 2
-        if size < 0.01:
-            with pytest.raises(InvalidInput, match="of the PGA"):
+        if size == 0.003:
+            with pytest.raises(InvalidInput, match=r"straight|of the PGA"):
                 load(path)
         else:
             motion = load(path)
-            assert _doubt(motion) or motion.peak_acceleration < 1.05 * exact
+            share, from_on = _rough(motion)
+            assert share == pytest.approx(1.0 - exact / motion.peak_acceleration, abs=0.06)
+            assert from_on == pytest.approx(25.0)
+            assert (share > 0.05) == (f"{share:.0%} of its PGA" in _doubt(motion))
             told.append(bool(_doubt(motion)))
     assert set(told) == {False, True}
 
@@ -224,11 +227,17 @@ def test_positions_that_lines_join_are_no_motion(rate: float, lag: float, tmp_pa
     time = np.arange(0.0, 6.0, 0.005)
     way = 20.0 * np.sin(np.pi * time / 6.0) ** 4 * np.sin(4.0 * np.pi * time)
     path = write(tmp_path / "table.csv", "time [s],x [mm]", time, way)
-    load(path)
+    exact = load(path).peak_acceleration
     knots = (np.arange(6.0 * rate + 2.0) - lag) / rate
     write(path, "time [s],x [mm]", time, np.interp(time, knots, np.interp(knots, time, way)))
-    with pytest.raises(InvalidInput, match=r"to and fro|straight|shakes"):
-        load(path)
+    if (rate, lag) == (100.0, 0.3):  # half as hard again
+        motion = load(path)
+        share = 1.0 - exact / motion.peak_acceleration
+        assert _rough(motion)[0] == pytest.approx(share, abs=0.03)
+        assert _doubt(motion)
+    else:
+        with pytest.raises(InvalidInput, match=r"to and fro|straight|shakes"):
+            load(path)
 
 
 @pytest.mark.parametrize("flicker", [0.0, 1e-4, 0.02, 0.1])
@@ -435,7 +444,7 @@ def test_a_table_that_stands_or_turns_about_its_middle_shakes_nothing(
 def test_noise_of_positions_is_told(
     site: str, vsr: Callable[..., Ran], derived: Path, tmp_path: Path
 ) -> None:
-    way = 0.04 * (1.0 - np.cos(np.pi * FREQUENT / FREQUENT[-1] * 2.0)) ** 2
+    way = 0.02 * (1.0 - np.cos(np.pi * FREQUENT / FREQUENT[-1] * 2.0)) ** 2
     write(tmp_path / "again.csv", "time [s],x [m]", FREQUENT, 2.54e-6 * np.rint(way / 2.54e-6))
     ran = vsr("run", "motions", "--site", site, "--set", "motion.files=[again.csv, tilting.csv]")
     data = xr.load_dataset(derived / "rock" / "motions.nc")
