@@ -45,6 +45,7 @@ from pipeline.workflow import keys
 from pipeline.workflow.datasets import Stored, described, netcdf
 from pipeline.workflow.engine_input import Engine
 from pipeline.workflow.grammar import counted
+from pipeline.workflow.progress import Steps
 from pipeline.workflow.rows import StepRow
 from pipeline.workflow.run_store import RunStore, is_there
 from pipeline.workflow.stage import Product, Work
@@ -282,11 +283,13 @@ def _measured(
     cluster = work.cluster.in_process() if len(batches) <= FEW else work.cluster
     if settings.engine == COMPILED:
         cluster = cluster.in_threads()
-    for rows, pgv_pga, row in cluster.each(measure_rows, iter(batches), shared):
-        if row is not None:
-            own = keys_of[items[rows, pgv_pga]]
-            stored[own] = _packed(own, row)
-            database.add([stored[own]])
+    with Steps("time_step", work.log) as steps:
+        steps.tell(f"measuring {told}")
+        for rows, pgv_pga, row in cluster.each(measure_rows, iter(batches), shared):
+            if row is not None:
+                own = keys_of[items[rows, pgv_pga]]
+                stored[own] = _packed(own, row)
+                database.add([stored[own]])
     return {one: _unpacked(one, stored[own]) for one, own in keys_of.items() if own in stored}
 
 

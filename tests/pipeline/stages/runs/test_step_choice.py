@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
@@ -20,6 +21,7 @@ from pipeline.config.schema import Config
 from pipeline.stages.mesh.products import Ground, Standing
 from pipeline.stages.runs import step_choice
 from pipeline.stages.runs.scenes import Scenes, alone_at
+from pipeline.workflow import progress
 from pipeline.workflow.datasets import read
 from pipeline.workflow.run_store import RUNS
 from pipeline.workflow.store import Store
@@ -41,6 +43,14 @@ def stored(config: Config, derived: Path) -> tuple[float, ...]:
     """Time steps that are known in the database."""
     scenes = Scenes(config.scene, Standing.load(Store(derived / "rock")))
     return step_choice.stored_steps(scenes, derived / "rock").steps
+
+
+def test_measuring_that_lasts_is_told(
+    write_site: Callable[..., str], vsr: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "_SILENT_SECONDS", 0.0)
+    ran = vsr("run", "time_step", "--site", write_site(GRID), "--workers", 0)
+    assert re.search(r"time_step: measuring 2 boundaries .*, \d+ s so far", ran.err)
 
 
 @pytest.mark.slow
