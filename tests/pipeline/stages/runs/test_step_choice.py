@@ -49,7 +49,7 @@ def test_measuring_that_lasts_is_told(
     write_site: Callable[..., str], vsr: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(progress, "_SILENT_SECONDS", 0.0)
-    ran = vsr("run", "time_step", "--site", write_site(GRID), "--workers", 0)
+    ran = vsr("run", "responses", "--site", write_site(GRID), "--workers", 0)
     assert re.search(r"time_step: measuring 2 boundaries .*, \d+ s so far", ran.err)
 
 
