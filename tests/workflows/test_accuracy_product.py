@@ -58,6 +58,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, quick_time_step: None) -> Pat
     return folder / "derived" / "rock"
 
 
+@pytest.mark.slow
 def test_table_page_picture_and_dataset(made: Path) -> None:
     with (made / "accuracy.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -88,6 +89,7 @@ def test_table_page_picture_and_dataset(made: Path) -> None:
     assert {"outcome_bullet", "outcome_mujoco", "outcome_fine"} <= set(cells.data_vars)
 
 
+@pytest.mark.slow
 def test_every_quantity_has_its_front(made: Path) -> None:
     table = pd.read_csv(made / "accuracy.csv")
     lines = table[table["part"] == "quantity"]
@@ -153,6 +155,7 @@ def test_a_diagram_without_a_setting_has_no_legend() -> None:
     assert work_precision(MEASURED, 0.01, "x").legends
 
 
+@pytest.mark.slow
 def test_page_and_log_say_what_references_of_a_scanned_rock_know(made: Path) -> None:
     """Three engines, told from the boundary by 3 % and more: no method's error can be 1 %."""
     references = (("bullet", 0.000375), ("mujoco", 0.000375), ("nonsmooth", 0.0025))

@@ -1,8 +1,9 @@
 """Every way through the program ends with a product that opens, or with a line that says why not.
 
 A way is a product of a ground, shaken by a motion, in an engine, on some workers. Here go ways that
-hold each pair of these; the slow suite goes each three of these at a given time step, and each pair
-at one that is measured. Draws of what is uncertain, of hundreds of runs, go few ways here.
+hold each pair of these, but for those that take longest. These go in the slow suite, as does each
+three of these at a given time step, and each pair at one that is measured. Draws of what is
+uncertain, of hundreds of runs, go few ways here.
 """
 
 from __future__ import annotations
@@ -161,8 +162,11 @@ QUICK_WAYS = [
 
 
 def takes_long(way: Way) -> bool:
-    """Bullet on a terrain, which `test_displacement_product` has, too."""
-    return way["ground"] == "terrain" and way["engine"] == "bullet"
+    """Bullet on a terrain, which `test_displacement_product` has, too, and in draws; a whole report
+    of a mesh, of which other products have every part."""
+    slowly = way["ground"] == "terrain" or way["product"] == "uncertainty"
+    in_bullet = slowly and way["engine"] == "bullet"
+    return in_bullet or (way["product"], way["ground"]) == ("fragility", "mesh")
 
 
 @pytest.mark.usefixtures("few_samples")
