@@ -136,6 +136,9 @@ def test_a_draw_that_topples_at_the_lowest_pga_has_no_boundary_known(
     page = (derived / "rock" / "uncertainty.html").read_text(encoding="utf-8")
     assert "but fewer than 5&nbsp;% at the lowest" in page
     assert "0: the draw topples at the lowest PGA tried, 0.4&nbsp;g, already" in page
+    assert "4 draws are too few" in page
+    assert "That takes 16 draws or more" in page
+    assert "no indices are given: yaw" not in page
     assert "of the scan" not in page  # as a box has none
     assert "as scanned" not in page
 

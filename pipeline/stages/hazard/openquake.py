@@ -56,8 +56,8 @@ _MOST = 50_000_000
 
 _MOST_SETTINGS = 10_000
 
-_MOST_BRANCHES = 20_000
-"""Realizations, which take two minutes of computing from their file to the page."""
+_MOST_ROWS, _MOST_BRANCHES = 100_000, 20_000
+"""Rows of a logic tree; realizations, which take two minutes of computing until their page."""
 
 _LARGEST = 64 * 1024**3
 """Bytes of a calculation, of whose arrays only some are read."""
@@ -327,8 +327,8 @@ def paths_of(file: Any, settings: dict[str, Any], number: int) -> list[str]:
     Otherwise, as with several tectonic regions or sampled ones, the realizations have their numbers
     only.
     """
-    models = [row["path"].decode() for row in content(file["full_lt/sm_data"], _MOST_BRANCHES)]
-    stored = content(file["full_lt/gsim_lt"], _MOST_BRANCHES)
+    models = [row["path"].decode() for row in content(file["full_lt/sm_data"], _MOST_ROWS)]
+    stored = content(file["full_lt/gsim_lt"], _MOST_ROWS)
     motions = [row["branch"].decode() for row in stored]
     regions = set(stored["trt"].tolist()) if "trt" in stored.dtype.names else set()
     sampled = number_of(settings.get("number_of_logic_tree_samples", 0)) > 0

@@ -100,9 +100,9 @@ def named(pulses: tuple[AxisPulseConfig, ...]) -> str:
 def _doubt(motion: SampledMotion) -> str:
     """What is to be told of a motion that passes."""
     share, from_on = _rough(motion)
-    told = f"waves above {from_on:.3g} Hz make {share:.0%} of its PGA"
     why = "noise or rounding of its positions, or too few samples"
-    return f"{told}: {why}" if share > MOST_ROUNDED else ""
+    told = f"{why}, make {share:.0%} of its PGA by waves above {from_on:.3g} Hz alone"
+    return told if share > MOST_ROUNDED else ""
 
 
 def _digest(motion: SampledMotion) -> str:

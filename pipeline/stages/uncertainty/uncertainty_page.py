@@ -25,7 +25,7 @@ from vsr_core.arrays import Array
 from vsr_core.outcome import FoundBy
 from vsr_core.uncertainty import step_error
 from vsr_core.uncertainty.probability import chance
-from vsr_core.uncertainty.sensitivity import SUPPORTED
+from vsr_core.uncertainty.sensitivity import FEWEST, SUPPORTED
 
 
 def facts(
@@ -77,6 +77,7 @@ def facts(
             if not share >= SUPPORTED
         ],
         "supported": SUPPORTED,
+        "fewest": FEWEST,
         "none_topples": float(chance(np.zeros((found.sizes["member"], 1), np.int8)).high[0]),
         "simulated": by[FoundBy.SIMULATED],
         "proved": by[FoundBy.PROVED],

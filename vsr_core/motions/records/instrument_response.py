@@ -54,7 +54,7 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
         trace.remove_response(output="ACC", water_level=None, pre_filt=corners, taper=False)
         if not np.isfinite(trace.data).all():
             given = f"a response for {trace.id} that is zero, or no number, at a frequency"
-            rule = "the spectrum of the record is divided by it"
+            rule = "the spectrum of the record is divided by it, beyond the corners, too"
             raise InvalidInput(given, rule, "correct the response, or download it again")
         trace.data = np.ma.masked_array(trace.data[ends : ends + len(whole)], missing)
     return stream
@@ -94,7 +94,10 @@ def _check_response(response: Any) -> None:
         raise InvalidInput(given, "the two agree", remedy)
     if whole and whole.value is not None:
         at = whole.frequency or first.stage_gain_frequency or 0.0
-        (found,) = response.get_evalresp_response_for_frequencies([at], "DEF", None, None, True)
+        frequencies = [at, 1.0]  # one at least is not zero, as a list of responses needs
+        found, _ = response.get_evalresp_response_for_frequencies(
+            frequencies, "DEF", None, None, True
+        )
         ratio = abs(found / finer / (whole.value or math.nan))
         if not 1.0 / _ALIKE <= ratio <= _ALIKE:
             given = f"a response whose stages have {ratio:.3g} times the sensitivity that it says"

@@ -30,6 +30,7 @@ from pipeline.stages.studies.servo.drive_runs import A_PULSE, Followed
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, label, netcdf, split
 from pipeline.workflow.grammar import counted
+from pipeline.workflow.progress import Steps
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
@@ -71,7 +72,9 @@ def make(
     refuse_force(driven, motion.pga[-1], work.origin)
     drives = drive_runs.drives(in_si.servo(servo))
     waves = drive_runs.rough(motion, files)
-    tracks, records = drive_runs.tracks(scenes, group, drives, waves, reach(driven))
+    with Steps("drive", work.log) as steps:
+        steps.tell(f"following the table through {waves.name}")
+        tracks, records = drive_runs.tracks(scenes, group, drives, waves, reach(driven))
     falling = tracks[Followed(waves.name, drives[-1].name)]
     rows = drive_runs.rows(work, motion, scenes, group, drives)
     dataset = described(_dataset(tracks, rows), work, "Driven table")

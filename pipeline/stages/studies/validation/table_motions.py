@@ -30,8 +30,8 @@ RECORDS = "records.nc"
 _LARGEST = 4 * 1024**3
 """Bytes of the records."""
 
-_MOST = 30_000_000
-"""Numbers of a variable, those that are missing included."""
+_MOST, _MOST_TESTS = 30_000_000, 100_000
+"""Numbers of a variable, those that are missing included, and tests."""
 
 _RATE = 0.01
 """How far a stated sampling rate, of few digits, may be from that of the times."""
@@ -211,8 +211,9 @@ def _records(folder: Path) -> xr.Dataset:
     try:
         with netCDF4.Dataset(folder / RECORDS) as data:
             sizes = {name: variable.size for name, variable in data.variables.items()}
-        for name in (name for name, size in sizes.items() if size > _MOST):
-            given, rule = f"{sizes[name]} numbers", f"it holds at most {_MOST}"
+        most = dict.fromkeys(("test", "n_samples"), _MOST_TESTS)
+        for name in (name for name, size in sizes.items() if size > most.get(name, _MOST)):
+            given, rule = f"{sizes[name]} numbers", f"it holds at most {most.get(name, _MOST)}"
             raise refused(folder / RECORDS, name, given, rule, "cut the tests to their shaking")
         return xr.open_dataset(folder / RECORDS, decode_times=False)
     except InputError:

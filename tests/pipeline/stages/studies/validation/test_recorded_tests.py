@@ -113,15 +113,16 @@ def test_records_that_contradict_themselves(tmp_path: Path, change: Change, word
         motions_of(changed(tmp_path, change))
 
 
-@pytest.mark.parametrize("name", ["time", "acceleration"])
+@pytest.mark.parametrize("name", ["time", "acceleration", "n_samples"])
 def test_numbers_that_no_byte_stands_for_are_bounded_before_they_are_read(
     tmp_path: Path, name: str
 ) -> None:
     recorded_tests(tmp_path)
     with netCDF4.Dataset(tmp_path / RECORDS, "w") as data:
-        data.createDimension("test", 2)
-        data.createDimension("time", 50_000_000 if name == "time" else 25_000_000)
-        dimensions = {"time": ("time",), name: ("test", "time")[name == "time" :]}
+        data.createDimension("test", 50_000_000 if name == "n_samples" else 2)
+        data.createDimension("time", {"time": 50_000_000, "acceleration": 25_000_000}.get(name, 8))
+        own = {"time": ("time",), "n_samples": ("test",)}.get(name, ("test", "time"))
+        dimensions = {"time": ("time",), name: own}
         for one, along in dimensions.items():
             data.createVariable(one, "f4", along, zlib=True, fill_value=0.5)
     assert (tmp_path / RECORDS).stat().st_size < 100_000
