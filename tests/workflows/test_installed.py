@@ -56,6 +56,7 @@ def ran(installed: Path, folder: Path, *arguments: str) -> subprocess.CompletedP
                           capture_output=True, text=True, check=False)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_it_works_in_any_folder(installed: Path, tmp_path: Path) -> None:
     vsr = ("-m", "pipeline")
     assert ran(installed, tmp_path, *vsr, "init", "my_rock").returncode == 0

@@ -61,6 +61,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
     return Done(folder, [json.loads(line) for line in ran.stdout.splitlines()])
 
 
+@pytest.mark.slow
 def test_mujoco_repeats_the_sample_and_the_report_says_so(done: Done) -> None:
     code, said = done.said[0]
     assert code == cli.DONE, said
@@ -73,6 +74,7 @@ def test_mujoco_repeats_the_sample_and_the_report_says_so(done: Done) -> None:
     assert "was repeated in MuJoCo" in (made / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_scene_that_mujoco_cannot_hold_has_no_sample(done: Done) -> None:
     code, said = done.said[1]
     assert code == cli.DONE, said
@@ -82,6 +84,7 @@ def test_a_scene_that_mujoco_cannot_hold_has_no_sample(done: Done) -> None:
     assert "No run was repeated in a second engine: PyBullet is not installed" in page
 
 
+@pytest.mark.slow
 def test_what_needs_bullet_is_refused_in_a_line(done: Done) -> None:
     for key, (code, said) in zip(REFUSED.values(), done.said[2:], strict=True):
         assert code == cli.REFUSED

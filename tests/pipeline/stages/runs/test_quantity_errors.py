@@ -27,6 +27,7 @@ simulation: {accurate: [peak_tilt, slip]}
 PLAIN = ("--set", "simulation.accurate=[boundary]")
 
 
+@pytest.mark.slow
 def test_what_is_named_is_known_and_has_its_error(
     write_site: Callable[..., str], vsr: Callable[..., Any], derived: Path, tmp_path: Path
 ) -> None:
