@@ -164,9 +164,9 @@ QUICK_WAYS = [
 def takes_long(way: Way) -> bool:
     """Bullet on a terrain, which `test_displacement_product` has, too, and in draws; a whole report
     of a mesh, of which other products have every part."""
-    slowly = way["ground"] == "terrain" or way["product"] == "uncertainty"
-    in_bullet = slowly and way["engine"] == "bullet"
-    return in_bullet or (way["product"], way["ground"]) == ("fragility", "mesh")
+    many_steps = way["ground"] == "terrain" or way["product"] == "uncertainty"
+    whole_report = (way["product"], way["ground"]) == ("fragility", "mesh")
+    return whole_report or (many_steps and way["engine"] == "bullet")
 
 
 @pytest.mark.usefixtures("few_samples")
