@@ -553,6 +553,32 @@ def test_a_servo_is_judged_by_the_share_of_the_pga_that_it_reaches() -> None:
         check_drive(driven(lag), pulse)
 
 
+RIPPLE, RATE = 0.15, 60.0 * math.pi
+
+
+class Rippled(CosinePulse):
+    """A pulse with a ripple on it of 0.15 m/s and 30 Hz, which makes most of the PGA."""
+
+    shortest_time = 1.0 / 30.0
+
+    def velocity(self, t: Array) -> Array:
+        return super().velocity(t) + RIPPLE * np.sin(RATE * t)
+
+
+def test_a_servo_that_follows_the_velocity_but_not_the_pga_is_refused() -> None:
+    """Behind the pulse it lags by q = 0.19, and makes 0.98 of it; of the ripple it makes 0.17."""
+    rock, lag, t = box()[0], 0.03, np.linspace(0.0, 1.0, 10_000)
+    servo = replace(PUBLISHED, kp=(PUBLISHED.mass + rock.mass) / lag, ki=0.0)
+    made, wanted = np.zeros(10_000), np.zeros(10_000)
+    for speed, rate in ((1.0, 2.0 * math.pi), (RIPPLE, RATE)):
+        phase, q = rate * t, rate * lag
+        lagged = (np.cos(phase) + q * np.sin(phase) - np.exp(-phase / q)) / (1.0 + q**2)
+        made, wanted = made + rate * speed * lagged, wanted + rate * speed * np.cos(phase)
+    share = np.abs(made).max() / np.abs(wanted).max()
+    with pytest.raises(InvalidInput, match=f"reaches {share:.2g}.* is off by 0.2"):
+        check_drive(Scene(rock, Contact(0.6), drive=servo), Rippled(2.0 * math.pi, 0.5 / math.pi))
+
+
 @pytest.mark.parametrize("limit", [math.inf, 6e5, 4e5])
 def test_a_force_limit_does_not_hide_that_a_servo_rings(limit: float) -> None:
     """It is more than the PGA takes, and cuts what the ringing would add to it."""
