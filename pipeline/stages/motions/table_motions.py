@@ -102,7 +102,7 @@ def _doubt(motion: SampledMotion) -> str:
     share, from_on = _rough(motion)
     why = "noise or rounding of its positions, or too few samples"
     told = f"{why}, make {share:.0%} of its PGA by waves above {from_on:.3g} Hz alone"
-    return told if share > MOST_ROUNDED else ""
+    return told if share > SLIGHT else ""
 
 
 def _digest(motion: SampledMotion) -> str:
@@ -140,9 +140,9 @@ NOISE = 4.0
 """Largest acceleration that rounding to a digit makes, in such digits over the square of the step:
 by splines, of 400 samples to 40,000, 3.5 to 4.3 times."""
 
-MOST_ROUNDED, MOST_ROUGH = 0.05, 0.4
-"""Share of the PGA that last digits may make, and waves of fewer than four samples a period. The
-latter are noise, or sampled too rarely: more than the former share of them is told. Of 245
+SLIGHT, MOST_ROUGH = 0.05, 0.4
+"""Share of the PGA up to which what noise and rounding make is not told of, and the most that waves
+of fewer than four samples a period may make: they are noise, or sampled too rarely. Of 245
 accelerations recorded on a table and integrated they make .02 in the median at 200 Hz, .04 at 100
 and .18 at 50 Hz, and .35, .32 and .59 at most; they make more than .4 of 4 % at 50 Hz."""
 
@@ -224,9 +224,9 @@ def _check_digits(motion: SampledMotion, columns: Columns) -> None:
         far = np.abs(values) > 0.1 * np.abs(values).max()  # in a long rest all digits are fine
         rounded[int(axis not in "xyz")] += unit * np.quantile(digits.last(values)[far], 0.9)
     share = float((NOISE * rounded / step**2 / _peaks(motion)).max())
-    if share > MOST_ROUNDED:
+    if share > SLIGHT:
         given = f"positions whose last digits alone make up to {share:.0%} of the PGA"
-        rule, remedy = f"it is {MOST_ROUNDED:.0%} at most", "write them with more digits"
+        rule, remedy = f"it is {SLIGHT:.0%} at most", "write them with more digits"
         raise InvalidInput(given, rule, remedy)
 
 
@@ -266,7 +266,7 @@ def _check_way(motion: SampledMotion, columns: Columns) -> None:
     Angles count by the way of a point one metre away.
     """
     bend = np.abs(np.diff(motion.samples, 2, axis=0)).max(axis=0)
-    moving = [AXES[axis] for axis in np.flatnonzero(bend > MOST_ROUNDED * bend.max())]
+    moving = [AXES[axis] for axis in np.flatnonzero(bend > SLIGHT * bend.max())]
     ways = {name: motion.samples[:, AXES.index(name)] / _unit(columns[name]) for name in moving}
     for name, way in ways.items():
         digits.refuse_lines(way, name, motion.time)
@@ -305,7 +305,7 @@ def _times_the_mean(velocity: Array, acceleration: Array, steps: float, step: fl
     at_rest = np.pad(velocity, ((aside, aside), (0, 0)))
     gained = at_rest[2 * aside :] - at_rest[: -2 * aside]
     mean = gained / (steps * step)
-    least, times = MOST_ROUNDED * np.abs(acceleration).max(), np.zeros(len(mean))
+    least, times = SLIGHT * np.abs(acceleration).max(), np.zeros(len(mean))
     for axes in (slice(0, 3), slice(3, 6)):
         size, means = (np.linalg.norm(rows[:, axes], axis=1) for rows in (acceleration, mean))
         beside = maximum_filter1d(means, 2 * BESIDE * SUBDIVISION + 1)

@@ -268,11 +268,6 @@ def _measured(
     keys_of = _keys(scenes, wanted)
     stored = database.get(keys_of.values())
     missing = [one for one in wanted if keys_of[one] not in stored]
-    if missing:
-        sliding = " of sliding" * (missing[0].place.boundary is Boundary.DISPLACED)
-        boundaries = counted(len(missing), "boundary", "boundaries") + sliding
-        told = f"{boundaries} at {counted(len(_shares(scenes)), 'time step')}"
-        work.log(f"time_step: measuring {told}")
 
     def shared(rows: Rows) -> tuple[Case | TerrainCase, Settings, Boundary]:
         how = Settings(math.nan, settings.simulation.reduce, settings.engine)
@@ -284,7 +279,12 @@ def _measured(
     if settings.engine == COMPILED:
         cluster = cluster.in_threads()
     with Steps("time_step", work.log) as steps:
-        steps.tell(f"measuring {told}")
+        if missing:
+            sliding = " of sliding" * (missing[0].place.boundary is Boundary.DISPLACED)
+            boundaries = counted(len(missing), "boundary", "boundaries") + sliding
+            what = f"measuring {boundaries} at {counted(len(_shares(scenes)), 'time step')}"
+            work.log(f"time_step: {what}")
+            steps.tell(what)
         for rows, pgv_pga, row in cluster.each(measure_rows, iter(batches), shared):
             if row is not None:
                 own = keys_of[items[rows, pgv_pga]]

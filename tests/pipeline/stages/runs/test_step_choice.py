@@ -45,12 +45,21 @@ def stored(config: Config, derived: Path) -> tuple[float, ...]:
     return step_choice.stored_steps(scenes, derived / "rock").steps
 
 
-def test_measuring_that_lasts_is_told(
-    write_site: Callable[..., str], vsr: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+def test_measuring_that_lasts_is_told_and_done_once(
+    write_site: Callable[..., str],
+    vsr: Callable[..., Any],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(progress, "_SILENT_SECONDS", 0.0)
-    ran = vsr("run", "responses", "--site", write_site(GRID), "--workers", 0)
-    assert re.search(r"time_step: measuring 2 boundaries .*, \d+ s so far", ran.err)
+    command = ("run", "responses", "--site", write_site(GRID), "--workers", 0)
+    assert re.search(r"time_step: measuring 2 boundaries .*, \d+ s so far", vsr(*command).err)
+    product = derived / "rock" / step_choice.StepData.FILE
+    made = product.read_bytes()
+    product.unlink()
+    again = vsr(*command)
+    assert (again.code, "boundaries" in again.err) == (0, False), again.err
+    assert product.read_bytes() == made
 
 
 @pytest.mark.slow
