@@ -154,12 +154,13 @@ def directions(rock: Rock) -> tuple[float, ...]:
 
     Returns
     -------
-    tuple of float [rad]
+    tuple of float [rad], of a box the narrow face first
     """
     if rock.shape != "box":
         return (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
     half_x, half_y, _ = np.abs(rock.vertices).max(axis=0)
-    return (0.0,) if half_x == half_y else (0.0, 0.5 * math.pi)
+    faces = (0.0, 0.5 * math.pi) if half_x <= half_y else (0.5 * math.pi, 0.0)
+    return faces[:1] if half_x == half_y else faces
 
 
 def periods(rock: Rock) -> tuple[float, ...]:
@@ -171,6 +172,9 @@ def periods(rock: Rock) -> tuple[float, ...]:
 def lots(rock: Rock) -> tuple[tuple[Place, ...], ...]:
     """List the rows of a rock; a lot is measured where those before it have too few references.
 
+    A box topples over its narrow face: a study may shake that alone, and errors are so much smaller
+    on the broad one (0.12 to 0.25 % for 0.7 to 1.9 %) that they would hide those on the other.
+
     Returns
     -------
     tuple of tuple of Place
@@ -178,11 +182,13 @@ def lots(rock: Rock) -> tuple[tuple[Place, ...], ...]:
         usual ones again, of displacement.
     """
     ways, unit = directions(rock), step_unit(rock)
-    between = ways if rock.shape == "box" else tuple(way + 0.25 * math.pi for way in ways)
+    tipped, between = ways, tuple(way + 0.25 * math.pi for way in ways)
+    if rock.shape == "box":
+        tipped = between = ways[:1]
     longer = tuple(unit * x for x in LONGER_PERIODS)
     toppled, displaced = (Boundary.TOPPLED,), (Boundary.DISPLACED,)
     rows = (
-        (ways, periods(rock), toppled),
+        (tipped, periods(rock), toppled),
         (between, longer, toppled),
         (ways, periods(rock), displaced),
     )
@@ -190,17 +196,12 @@ def lots(rock: Rock) -> tuple[tuple[Place, ...], ...]:
 
 
 def enough(rows: Sequence[Row]) -> bool:
-    """Tell whether so many rows have a reference that an error can be stated."""
+    """Whether so many rows have a reference that an error can be stated."""
     return sum(math.isfinite(row.reference) for row in rows) >= ENOUGH
 
 
 def step_unit(rock: Rock) -> float:
-    """Unit of the time steps, sqrt(radius / g) [s].
-
-    Returns
-    -------
-    float [s]
-    """
+    """Unit of the time steps, sqrt(radius / g) [s]."""
     return math.sqrt(rock.radius / GRAVITY)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -419,11 +418,14 @@ def test_doubled_tolerance_is_cheaper() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [(0.4, 0.8, 1.6), (0.2, 0.2, 1.0)])
+@pytest.mark.parametrize("size", [(0.4, 0.8, 1.6), (0.2, 0.2, 1.0), (0.5, 0.9, 1.7)])
 def test_the_step_chosen_keeps_to_the_tolerance_at_levels_that_were_not_measured(
     size: tuple[float, float, float],
 ) -> None:
-    """Of a slender box after some impacts: lowest boundaries by Housner's equation, and by runs."""
+    """Of a slender box after some impacts: lowest boundaries by Housner's equation, and by runs.
+
+    On each face, as a study may shake one alone: together 1.86 % on one passed for 0.79 %.
+    """
     blocks = [Block(0.5 * width, 0.5 * size[2]) for width in size[:2]]
     cases = {yaw: box(size, Contact(0.6), yaw) for yaw in (0.0, 0.5 * math.pi)}
     rock, ladder = cases[0.0].full.rock, load("nonsmooth").LADDER
@@ -434,7 +436,7 @@ def test_the_step_chosen_keeps_to_the_tolerance_at_levels_that_were_not_measured
     none = front(ladder.shares, *(column[:0] for column in columns))
     chosen = choose(measured, none, 0.01, unit, time_step.longest(rock, "nonsmooth"))
     assert chosen.within
-    settings, off = replace(how, time_step=chosen.time_step), []
+    settings = replace(how, time_step=chosen.time_step)
 
     def by_housner(block: Block, _: Case, pulse: CosinePulse) -> bool:
         return rocking_response(block, pulse.pga, pulse.pgv_pga).overturned
@@ -442,16 +444,27 @@ def test_the_step_chosen_keeps_to_the_tolerance_at_levels_that_were_not_measured
     def by_run(_: Block, case: Case, pulse: CosinePulse) -> bool:
         return time_step.simulate(case, pulse, settings).outcome is Outcome.OVERTURNED
 
-    ways, ratios = zip(blocks, cases.values(), strict=True), unit * np.arange(0.6, 2.2, 0.25)
-    for (block, case), ratio in product(ways, ratios):
-        near = first_overturning_pga(block, ratio, 4.0 * GRAVITY, 0.005 * GRAVITY)
-        pulses = [CosinePulse(pga, ratio) for pga in near * np.arange(0.95, 1.1, 0.002)]
-        lowest = [
-            next(pulse.pga for pulse in pulses if topples(block, case, pulse))
-            for topples in (by_housner, by_run)
-        ]
-        off.append(abs(lowest[1] / lowest[0] - 1.0))
-    assert np.quantile(off, time_step.KEPT_BY) <= min(chosen.error + 0.002, 0.01)
+    for block, case in zip(blocks, cases.values(), strict=True):
+        off = []
+        for ratio in unit * np.arange(0.6, 2.2, 0.25):
+            near = first_overturning_pga(block, ratio, 4.0 * GRAVITY, 0.005 * GRAVITY)
+            pulses = [CosinePulse(pga, ratio) for pga in near * np.arange(0.95, 1.1, 0.002)]
+            lowest = [
+                next(pulse.pga for pulse in pulses if topples(block, case, pulse))
+                for topples in (by_housner, by_run)
+            ]
+            off.append(abs(lowest[1] / lowest[0] - 1.0))
+        assert np.quantile(off, time_step.KEPT_BY) <= min(chosen.error + 0.002, 0.01)
+
+
+@pytest.mark.parametrize("sides", [(1.0, 2.0), (2.0, 1.0)])
+def test_a_box_topples_over_its_narrow_face_and_slides_over_both(
+    sides: tuple[float, float],
+) -> None:
+    usual, more, displaced = lots(box((*sides, 3.0), Contact(0.6)).full.rock)
+    narrow = 0.0 if sides[0] < sides[1] else 0.5 * math.pi
+    assert {place.yaw for place in (*usual, *more)} == {narrow}
+    assert {place.yaw for place in displaced} == {0.0, 0.5 * math.pi}
 
 
 def test_score_of_a_way_of_running_against_a_target() -> None:
