@@ -355,6 +355,13 @@ def test_a_sweep_of_what_nothing_uses_is_refused(study: Study) -> None:
     with (study.folder / "study.yaml").open("a") as file:
         file.write("  by: {drive: [table_frame, servo]}\n")
     assert study.vsr("plan", *study.line()).code == 0
+    # the report's text reads it, and the boundary, which is compared, does not
+    inset = "yaw: 0\nsweep:\n  inset: {uncertainty.inset: [[0.0, 0.0], [0.03, 0.034]]}\n"
+    (study.folder / "study.yaml").write_text(inset)
+    for product in ("study", "fragility"):
+        ran = study.vsr("plan", product, *study.line())
+        assert ran.code == 2
+        assert "sweep.inset: got uncertainty.inset; fragility does not depend on it" in ran.err
 
 
 @pytest.mark.slow
