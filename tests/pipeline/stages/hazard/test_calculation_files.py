@@ -384,6 +384,16 @@ def test_bins_that_are_not_their_whole_are_told(
     )
 
 
+def test_a_bin_of_1_makes_no_level_conditional(tmp_path: Path) -> None:
+    """Its sum is 1 to three digits, as of shares; that of the level beside it is not."""
+    path = disaggregated(tmp_path, {"mean": [1.0, 3e-4, 2e-4, 1e-4]})
+    head, names, *rows = path.read_text(encoding="utf-8").splitlines()
+    beside = [f"{one.replace('0.5', '0.4')},{share}" for one, share in zip(BINS, MEAN, strict=True)]
+    path.write_text("\n".join([head, names, *rows, *beside, ""]), encoding="utf-8")
+    (told,) = load_disaggregation(path).unused
+    assert told.startswith("bins of 0.5 g have a probability of 1 together, and a poe of 0.001")
+
+
 PLACE = f"{EDGES}, lon=-120.9, lat=35.2"
 
 
