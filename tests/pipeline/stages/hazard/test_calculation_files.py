@@ -140,6 +140,7 @@ DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
     "none": (lambda file: put(file, CURVES, np.full((1, 2, 3, 3), np.nan)), "got nan"),
     "below 0": (lambda file: put(file, CURVES, -file[CURVES][...]), "values.0: got -0.6"),
     "four terabytes": (lambda file: bomb(file), "values of hcurves"),
+    "more levels than read": (lambda file: full(file, 10_000, 501), "5,010,000 values of PGA"),
     "no weights": (lambda file: put(file, "weights", np.zeros(0)), "individual_rlzs"),
     "negative weights": (lambda file: put(file, "weights", [-0.5, 1.5]), "weight: got -0.5"),
     "weights in words": (lambda file: put(file, "weights", [b"a", b"b"]), "individual_rlzs"),
@@ -192,6 +193,16 @@ def bomb(file: h5py.File) -> None:
     shape = (1, 10**6, 1, 10**6)
     file.create_dataset(CURVES, shape, "f4", chunks=(1, 1000, 1, 1000), compression="gzip")
     named(file, '{"imt": ["PGA"]}')
+
+
+def full(file: h5py.File, realizations: int, levels: int) -> None:
+    """Curves that nothing exceeds, which take few bytes of a file."""
+    del file[CURVES]
+    shape = (1, realizations, 1, levels)
+    file.create_dataset(CURVES, data=np.zeros(shape, "f4"), compression="gzip")
+    named(file, '{"imt": ["PGA"]}')
+    put(file, "weights", np.full(realizations, 1.0 / realizations))
+    parameters(file, {"PGA": np.geomspace(5e-3, 3.0, levels).tolist()})
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
