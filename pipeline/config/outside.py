@@ -197,6 +197,15 @@ def is_comment(line: str) -> bool:
 _HIDDEN = re.compile(r'[\s"]*#[^\s,]').match
 
 
+def check_comments(path: Path, lines: str, names: Sequence[str]) -> None:
+    """Refuse a comment that looks like a row: one whose name begins with #."""
+    for line in filter(_HIDDEN, lines_of(lines)):
+        if is_comment(line) and line.count(",") == len(names) - 1 > 0:  # one number has no name
+            given = f"{line[:40]!r}, a row or a comment"
+            remedy = "put a name that begins with # in quotes, or a blank behind the # of a comment"
+            raise refused(path, names[0], given, "it is one of them", remedy)
+
+
 def table(path: Path, lines: str, named: Callable[[str], str] = str.strip) -> list[dict[str, str]]:
     """Rows of a table by its names, separated by commas; lines that begin with # are left out.
 
@@ -222,11 +231,7 @@ def table(path: Path, lines: str, named: Callable[[str], str] = str.strip) -> li
         given = f"a table that cannot be read ({error})"
         raise refused(path, "", given, "it is a table in CSV") from None
     names = [named(name) for name in rows[0]] if rows else []
-    for line in filter(_HIDDEN, lines_of(lines)):
-        if is_comment(line) and line.count(",") == len(names) - 1 > 0:  # one number has no name
-            given = f"{line[:40]!r}, a row or a comment"
-            remedy = "put a name that begins with # in quotes, or a blank behind the # of a comment"
-            raise refused(path, names[0], given, "it is one of them", remedy)
+    check_comments(path, lines, names)
     if twice := [name for name, times in Counter(names).items() if times > 1]:
         raise refused(path, twice[0], "a column twice", "a column has a name of its own")
     for number, row in enumerate(rows[1:], start=1):

@@ -177,7 +177,7 @@ def _description(place: tuple[str, ...], models: list[type[BaseModel] | None]) -
         field = model.model_fields.get(name) if model else None
         if field and field.description:
             return f"expected: {field.description}"
-    return "correct it in the configuration"
+    return f"correct it in the {'file' if models and Config not in models else 'configuration'}"
 
 
 def meaning(key: str) -> tuple[str, str]:

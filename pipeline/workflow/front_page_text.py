@@ -27,11 +27,11 @@ TEMPLATE = "front_page.html"
 WIDEST = 320
 """Size [px] of the longer side of a small picture."""
 
-_TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
-_ANSWER = re.compile(r'<p class="answer">(.*?)</p>', re.DOTALL)
-_PICTURE = re.compile(r'<img[^>]*\ssrc="data:image/png;base64,([^"]+)"')
-_DRAWING = re.compile(r'<img[^>]*\ssrc="(data:image/svg\+xml[^"]+)"')
-_TAG = re.compile(r"<[^>]+>")
+_PICTURE = re.compile(r'<img[^<>]*\ssrc="data:image/png;base64,([^"]+)"')
+_DRAWING = re.compile(r'<img[^<>]*\ssrc="(data:image/svg\+xml[^"]+)"')
+_TAG = re.compile(r"<[^<>]+>")
+"""Each looks no farther than the next tag, so that a page is read in a time like its length."""
+
 _LARGEST_DRAWING = 150_000
 _DATA = (".nc", ".csv", ".png", ".pdf", ".svg")
 
@@ -163,13 +163,19 @@ def _in_order(made: dict[str, str]) -> list[tuple[str, str]]:
 def _page(path: Path) -> dict[str, str]:
     """Title, first answer, a small picture and the date of a page."""
     page = content(path, _LARGEST_PAGE).decode(errors="replace")
-    title, answer = _TITLE.search(page), _ANSWER.search(page)
+    title = _between(page, "<title>", "</title>")
     return {
-        "title": _plain(title[1]) if title else path.stem,
-        "answer": _plain(answer[1]) if answer else "",
+        "title": path.stem if title is None else _plain(title),
+        "answer": _plain(_between(page, '<p class="answer">', "</p>") or ""),
         "picture": _small(page),
         "made": _day(path),
     }
+
+
+def _between(page: str, start: str, end: str) -> str | None:
+    _, _, after = page.partition(start)
+    found, closed, _ = after.partition(end)
+    return found if closed else None
 
 
 def _plain(fragment: str) -> str:

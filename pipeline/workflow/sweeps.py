@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from pipeline.config.problems import InputError, Problem, edited_since
+from pipeline.config.slips import IDLE
 from pipeline.config.sweep import GRIDS, Member, Sweep
 from pipeline.workflow import graph
 from pipeline.workflow.datasets import catalogue
@@ -34,6 +35,9 @@ COMPARISON = Stage(
     versions=("xarray", "matplotlib", "jinja2"),
 )
 """What is made of all members, after them."""
+
+COMPARED = {"report": "fragility", "displacement_report": "displacement"}
+"""What a page is of, which reads keys of its own: its members are compared by that."""
 
 
 @dataclass(frozen=True)
@@ -124,26 +128,32 @@ def _wanted(swept: Swept) -> Identity:
         one.name: {key: list(values) for key, values in one.values.items()}
         for one in sweep.dimensions
     }
-    needs = {
-        member.name: graph.checked(swept.stage, swept.jobs[member.place])[swept.stage].key
-        for member in sweep.members
-    }
-    _refuse_idle(swept, needs)
+    found = {m.name: graph.checked(swept.stage, swept.jobs[m.place]) for m in sweep.members}
+    of = COMPARED.get(swept.stage, swept.stage)
+    _refuse_idle(swept, of, {name: stages[of].key for name, stages in found.items()})
+    needs = {name: stages[swept.stage].key for name, stages in found.items()}
     reference = {one.name: one.labels[one.reference] for one in sweep.dimensions}
     asked = {"sweep": dimensions, "reference": reference, "product": swept.stage}
     return graph.made_from(COMPARISON, asked, {}, needs)
 
 
-def _refuse_idle(swept: Swept, keys: dict[str, str]) -> None:
-    """Refuse a dimension along which no member's product changes, by the key of each."""
+def _refuse_idle(swept: Swept, of: str, keys: dict[str, str]) -> None:
+    """Refuse a dimension along which nothing changes of what is compared, by the key of each.
+
+    So is one of settings that the shape of every member has no part for, though keys change.
+    """
     members = swept.sweep.members
     for n, one in enumerate(swept.sweep.parted):
+        file, key, given = swept.sweep.file, f"sweep.{one.name}", ", ".join(one.values)
+        for keys_of, (section, shape), rule, remedy in IDLE:
+            shapes = {getattr(m.site.settings, section).shape for m in members}
+            if one.values.keys() <= {*keys_of.split()} and shapes == {shape}:
+                raise InputError(Problem(file, key, given, rule, remedy))
         found = {(m.place[:n], m.place[n + 1 :], keys[m.name]) for m in members}
         if len(found) * len(one.labels) == len(members) > len(found):
-            rule = f"{swept.stage} does not depend on it here"
+            rule = f"{of} does not depend on it here"
             remedy = "sweep a product that does, or set what uses it (for a servo, drive: servo)"
-            given = ", ".join(one.values)
-            raise InputError(Problem(swept.sweep.file, f"sweep.{one.name}", given, rule, remedy))
+            raise InputError(Problem(file, key, given, rule, remedy))
 
 
 def _log(job: Job, member: Member, line: str) -> None:

@@ -355,6 +355,18 @@ def test_a_sweep_of_what_nothing_uses_is_refused(study: Study) -> None:
     with (study.folder / "study.yaml").open("a") as file:
         file.write("  by: {drive: [table_frame, servo]}\n")
     assert study.vsr("plan", *study.line()).code == 0
+    # the report's text reads it, and the boundary, which is compared, does not
+    inset = "yaw: 0\nsweep:\n  inset: {uncertainty.inset: [[0.0, 0.0], [0.03, 0.034]]}\n"
+    (study.folder / "study.yaml").write_text(inset)
+    for product in ("study", "fragility"):
+        ran = study.vsr("plan", product, *study.line())
+        assert ran.code == 2
+        assert "sweep.inset: got uncertainty.inset; fragility does not depend on it" in ran.err
+    scale = "yaw: 0\nsweep:\n  scale: {rock.scale: [1.0, 2.0]}\n"
+    (study.folder / "study.yaml").write_text(scale)
+    ran = study.vsr("plan", *study.line())
+    assert ran.code == 2
+    assert "sweep.scale: got rock.scale; a box is as large as rock.size says" in ran.err
 
 
 @pytest.mark.slow

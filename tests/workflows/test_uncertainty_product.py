@@ -20,7 +20,8 @@ from pipeline.stages.mesh import scan_figures
 from pipeline.stages.studies.validation.recorded_tests import ShakeTableConfig
 from pipeline.stages.uncertainty import draws, ensemble, uncertainty
 from pipeline.stages.uncertainty.draw_runs import Search
-from pipeline.stages.uncertainty.uncertainty_page import directions
+from pipeline.stages.uncertainty.uncertainty_page import directions, yaws
+from pipeline.workflow import pages
 from vsr_core import GRAVITY
 from vsr_core.outcome import FoundBy
 from vsr_core.run import rocking_block
@@ -114,11 +115,19 @@ def test_a_width_is_of_motions_under_which_draws_topple(
 
 
 def test_a_draw_that_topples_at_the_lowest_pga_has_no_boundary_known(
-    vsr: Callable[..., Any], write_site: Callable[..., str], derived: Path
+    vsr: Callable[..., Any],
+    write_site: Callable[..., str],
+    derived: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Its band is open below, as it is above where draws never topple; widths are of the others."""
     grid = "motion.pga={start: 0.4, stop: 0.7, num: 4}"
     gain = priors(members="4", amplitude="{mean: 1, sd: 0.1}")
+    told: dict[str, Any] = {}
+    filled = pages.filled
+    monkeypatch.setattr(
+        pages, "filled", lambda name, *rest: told.update({name: rest[0]}) or filled(name, *rest)
+    )
     own = ("--set", grid, "--set", "fragility.lowest=0.4", *gain)
     found = product(vsr("run", "uncertainty", "--site", write_site(SITE), *own), derived)
     lower, upper = (found[f"member_boundary_{end}"].values for end in ("lower", "upper"))
@@ -141,6 +150,20 @@ def test_a_draw_that_topples_at_the_lowest_pga_has_no_boundary_known(
     assert "no indices are given: yaw" not in page
     assert "of the scan" not in page  # as a box has none
     assert "as scanned" not in page
+    assert "The remainder" not in page
+    unknown = found.assign(explained_share=("yaw", [0.3, np.nan]))
+    shares = unknown["explained_share"]
+    named = {"unsupported": yaws(unknown, shares < 0.5), "untried": yaws(unknown, shares.isnull())}
+    assert named == {"unsupported": ["0"], "untried": ["90"]}
+    index = {"name": "gain", "first": 0.5, "total": 0.5}
+    known = (
+        told["uncertainty.html"] | named | {"explained": 0.6, "ranked": [index], "leaders": [index]}
+    )
+    page = filled("uncertainty.html", known)
+    assert "no indices are given: yaw 0&nbsp;deg; more draws" in page
+    assert "At yaw 90&nbsp;deg that is unknown" in page
+    assert "The remainder" not in page  # a box's base is exact
+    assert "mainly the shape of the base" in filled("uncertainty.html", known | {"box": False})
 
 
 @pytest.mark.slow

@@ -124,6 +124,7 @@ def read(path: Path) -> Archive:
     rows = iter(found)
     _, names = next(rows, (0, []))
     _check_names(path, names or [])
+    outside.check_comments(path, text, names or [])
     rocks: list[ListedRock] = []
     problems: list[Problem] = []
     line_of: dict[str, int] = {}

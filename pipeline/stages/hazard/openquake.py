@@ -59,6 +59,9 @@ _MOST_SETTINGS = 10_000
 _MOST_ROWS, _MOST_BRANCHES = 100_000, 20_000
 """Rows of a logic tree; realizations, which take two minutes of computing until their page."""
 
+_MOST_LEVELS = 5_000_000
+"""Levels of PGA and PGV of all realizations, which are checked one by one."""
+
 _LARGEST = 64 * 1024**3
 """Bytes of a calculation, of whose arrays only some are read."""
 
@@ -170,7 +173,7 @@ def load_calculation(path: Path) -> HazardModel:
         settings, levels = settings_of(file)
         poes, lon, lat = (numbers(file[name]) for name in (_STORED, "sitecol/lon", "sitecol/lat"))
         measures = json.loads(attribute(file[_STORED], "json"))["imt"]
-        sites, number, of_measures, _ = poes.shape
+        sites, number, of_measures, length = poes.shape
         if not len(measures) == len(set(measures)) == of_measures:
             raise ValueError(f"{of_measures} curves of {measures}")
         weights = weights_of(file)
@@ -186,13 +189,17 @@ def load_calculation(path: Path) -> HazardModel:
     if "PGA" not in measures:
         given, rule = f"curves of {', '.join(measures)}", "the probability of toppling is for PGA"
         raise refused(path, "imt", given, rule, "calculate PGA too")
+    used = [name for name in measures if name in UNITS]
+    if (count := number * len(used) * length) > _MOST_LEVELS:
+        given, rule = f"{count:,} values of PGA and PGV", f"at most {_MOST_LEVELS:,} are read"
+        raise refused(path, _STORED, given, rule, "calculate fewer levels, or sample the tree")
     place = {"years": years, "lon": lon.item(), "lat": lat.item()}
     curves = {}
-    for at, of_branch in enumerate(poes[0].tolist()):
-        for measure, values in zip(measures, of_branch, strict=True):
-            if measure in UNITS:
-                one = {"measure": measure, "levels": known[measure], "values": values}
-                curves[at, measure] = path, checked(path, GivenCurve, place | one)
+    values = poes[0][:, [measures.index(name) for name in used]].tolist()
+    for at, of_branch in enumerate(values):
+        for measure, own in zip(used, of_branch, strict=True):
+            one = {"measure": measure, "levels": known[measure], "values": own}
+            curves[at, measure] = path, checked(path, GivenCurve, place | one)
     branches = [
         checked(path, Realization, {"rlz_id": at, "branch_path": name, "weight": weight})
         for at, (name, weight) in enumerate(zip(paths, weights.tolist(), strict=True))

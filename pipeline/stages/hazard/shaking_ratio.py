@@ -308,13 +308,14 @@ def load_disaggregation(path: Path) -> Disaggregation:
 def _other_wholes(bins: pd.DataFrame) -> Iterator[str]:
     """Levels whose bins together have another probability than they state, in words.
 
-    Of conditional ("traditional") shares, whose sum is 1, the probability is that of the whole.
+    Of conditional ("traditional") shares, whose sum is 1 at each level, it is that of the whole.
     """
-    for _, part in bins[bins["poe"] > 0.0].groupby(["iml", "poe"]):
+    levels = [part for _, part in bins[bins["poe"] > 0.0].groupby(["iml", "poe"])]
+    conditional = all(abs(part["share"].sum() - 1.0) <= SUM for part in levels)
+    for part in [] if conditional else levels:
         level, poe = part[["iml", "poe"]].to_numpy()[0].tolist()
-        shares = part["share"].to_numpy()
-        whole = 1.0 - float(np.prod(1.0 - shares))
-        if not (1.0 / WHOLE <= whole / poe <= WHOLE or abs(shares.sum() - 1.0) <= SUM):
+        whole = 1.0 - float(np.prod(1.0 - part["share"].to_numpy()))
+        if not 1.0 / WHOLE <= whole / poe <= WHOLE:
             said = f"bins of {level:g} g have a probability of {whole:.3g} together"
             yield f"{said}, and a poe of {poe:.3g}: one is wrong, or bins leave earthquakes out"
 

@@ -71,11 +71,8 @@ def facts(
         "ranked": ranked(found),
         "leaders": leaders(ranked(found)),
         "explained": float(found["explained_share_joined"]),
-        "unsupported": [
-            f"{yaw:g}"
-            for yaw, share in zip(found["yaw"].values, found["explained_share"].values, strict=True)
-            if not share >= SUPPORTED
-        ],
+        "unsupported": yaws(found, found["explained_share"] < SUPPORTED),
+        "untried": yaws(found, found["explained_share"].isnull()),
         "supported": SUPPORTED,
         "fewest": FEWEST,
         "none_topples": float(chance(np.zeros((found.sizes["member"], 1), np.int8)).high[0]),
@@ -96,6 +93,11 @@ def facts(
         ),
         "pictures": drawn,
     }
+
+
+def yaws(found: xr.Dataset, chosen: xr.DataArray) -> list[str]:
+    """Some of the directions, in words."""
+    return [f"{yaw:g}" for yaw in found["yaw"].values[chosen.values]]
 
 
 def tried(found: xr.Dataset) -> list[dict[str, Any]]:

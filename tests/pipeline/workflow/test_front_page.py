@@ -21,7 +21,7 @@ from conftest import Ran
 from PIL import Image
 
 from pipeline.config.problems import InputError
-from pipeline.workflow import front_page, pages, writers
+from pipeline.workflow import front_page, front_page_text, pages, writers
 from pipeline.workflow.datasets import netcdf
 from pipeline.workflow.store import Store, manifest_text
 from tests.support.bad_input import bounded
@@ -322,3 +322,16 @@ def test_a_broken_index_decides_no_other_command(
     ran = vsr(*given)
     assert ran.code == 0
     assert "index: not renewed (division by zero)" in ran.err
+
+
+HOSTILE_PAGES = ("<title>", '<p class="answer">', "<img ", page("A", "<" * 400_000))
+
+
+@pytest.mark.parametrize("piece", HOSTILE_PAGES, ids=range(len(HOSTILE_PAGES)))
+def test_a_page_is_read_in_a_time_like_its_length(piece: str, tmp_path: Path) -> None:
+    """What looks from each tag to the end of a page of 400 kB takes from half a minute to four."""
+    path = tmp_path / "report.html"
+    path.write_text(piece * (400_000 // len(piece) or 1))
+    with bounded(seconds=4.0, mebibytes=100.0):
+        found = front_page_text._page(path)
+    assert found["title"] in ("A", "report")

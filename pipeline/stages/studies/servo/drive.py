@@ -146,17 +146,21 @@ def _dataset(
 
 def _shift(dataset: xr.Dataset) -> str:
     """Change of the boundary from the table's frame to the last of the drives, in words."""
-    boundary = dataset["first_overturning_pga"].values
-    boundary = boundary[:, np.isfinite(boundary[0])]
-    change = 100.0 * (boundary[-1] / boundary[0] - 1.0)
+    frame, driven = dataset["first_overturning_pga"].values[[0, -1]]
+    change = 100.0 * (driven / frame - 1.0)
     found = change[np.isfinite(change)]
+    both = "both with the servo and without it"
     if not found.size:
-        return "outside the grid"
-    worst = found[np.abs(found).argmax()]
-    shift = f"shifted by {np.median(found):+.1f} % in the median row and by {worst:+.1f} % at most"
-    lost = len(change) - len(found)
-    beyond = f", and beyond the grid in {counted(lost, 'row')} of {len(change)}"
-    return shift + beyond * bool(lost)
+        said = f"known in no row {both}"
+    else:
+        middle, worst = np.median(found), found[np.abs(found).argmax()]
+        said = f"shifted by {middle:+.1f} % in the median row and by {worst:+.1f} % at most"
+        if len(found) < len(change):
+            said += f", over the {len(found)} of {counted(len(change), 'row')} that have one {both}"
+    for one, where in ((driven, "with the servo"), (frame, "without it")):
+        if alone := int((np.isfinite(one) & ~np.isfinite(change)).sum()):
+            said += f"; in {counted(alone, 'row')} there is one only {where}"
+    return said
 
 
 def refuse_servo(site: Site) -> None:

@@ -392,3 +392,9 @@ def test_a_quoted_name_with_a_number_sign_is_a_rock(tmp_path: Path) -> None:
     archive = rock_list.read(written(tmp_path, *rows, header=header))
     assert [rock.name for rock in archive.rocks] == ["#2 East"]
     assert archive.problems == []
+
+
+def test_a_name_that_begins_with_a_number_sign_is_no_comment(tmp_path: Path) -> None:
+    rows = ("#7,12,17,0.84,0.86,,,,,", "B,12,17,0.84,0.86,,,,,")
+    with pytest.raises(InputError, match=r"name: got '#7,12.*, a row or a comment"):
+        rock_list.read(written(tmp_path, *rows))

@@ -140,6 +140,7 @@ DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
     "none": (lambda file: put(file, CURVES, np.full((1, 2, 3, 3), np.nan)), "got nan"),
     "below 0": (lambda file: put(file, CURVES, -file[CURVES][...]), "values.0: got -0.6"),
     "four terabytes": (lambda file: bomb(file), "values of hcurves"),
+    "more levels than read": (lambda file: full(file, 10_000, 501), "5,010,000 values of PGA"),
     "no weights": (lambda file: put(file, "weights", np.zeros(0)), "individual_rlzs"),
     "negative weights": (lambda file: put(file, "weights", [-0.5, 1.5]), "weight: got -0.5"),
     "weights in words": (lambda file: put(file, "weights", [b"a", b"b"]), "individual_rlzs"),
@@ -192,6 +193,16 @@ def bomb(file: h5py.File) -> None:
     shape = (1, 10**6, 1, 10**6)
     file.create_dataset(CURVES, shape, "f4", chunks=(1, 1000, 1, 1000), compression="gzip")
     named(file, '{"imt": ["PGA"]}')
+
+
+def full(file: h5py.File, realizations: int, levels: int) -> None:
+    """Curves that nothing exceeds, which take few bytes of a file."""
+    del file[CURVES]
+    shape = (1, realizations, 1, levels)
+    file.create_dataset(CURVES, data=np.zeros(shape, "f4"), compression="gzip")
+    named(file, '{"imt": ["PGA"]}')
+    put(file, "weights", np.full(realizations, 1.0 / realizations))
+    parameters(file, {"PGA": np.geomspace(5e-3, 3.0, levels).tolist()})
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
@@ -382,6 +393,16 @@ def test_bins_that_are_not_their_whole_are_told(
         if whole
         else []
     )
+
+
+def test_a_bin_of_1_makes_no_level_conditional(tmp_path: Path) -> None:
+    """Its sum is 1 to three digits, as of shares; that of the level beside it is not."""
+    path = disaggregated(tmp_path, {"mean": [1.0, 3e-4, 2e-4, 1e-4]})
+    head, names, *rows = path.read_text(encoding="utf-8").splitlines()
+    beside = [f"{one.replace('0.5', '0.4')},{share}" for one, share in zip(BINS, MEAN, strict=True)]
+    path.write_text("\n".join([head, names, *rows, *beside, ""]), encoding="utf-8")
+    (told,) = load_disaggregation(path).unused
+    assert told.startswith("bins of 0.5 g have a probability of 1 together, and a poe of 0.001")
 
 
 PLACE = f"{EDGES}, lon=-120.9, lat=35.2"

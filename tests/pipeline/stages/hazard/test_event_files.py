@@ -167,6 +167,7 @@ def test_branches_without_weight_are_left_out_with_their_events(tmp_path: Path) 
         ("gmf-data", "gmv_PGV", "gmv_PGA", "gmv_PGA: got a column twice"),
         ("events", "\n0,8,1,110,1", "\n0,8,1,110,1,1", "fewer fields in row 2"),
         ("events", "\n1,8,0,", "\n1,8,5,", "rlz_id: got 5 of event 1"),
+        ("events", "\n1,8,0,", "\n-1,8,0,", "or equal to 0; correct it in the file"),
         ("events", "\n1,8,0,", "\n0,8,0,", "event_id: got 0 twice"),
         ("events", "\n1,8,", "\n1,9,", "rup_id: got no 9"),
         ("events", "4,30,1,190", "4,30,1,250", "year: got years 140 apart"),

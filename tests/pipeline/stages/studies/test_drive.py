@@ -127,13 +127,17 @@ def test_a_slab_that_turns_beside_the_pedestal_has_not_toppled() -> None:
 
 
 def test_the_shift_is_that_of_the_last_servo_and_of_the_rows_that_the_frame_topples() -> None:
-    rows = ("drive", "pgv_pga"), [[0.4, np.inf], [0.4, 0.6], [0.5, 0.6]]
-    assert "by +25.0 % in the median row and by +25.0 % at most" in drive._shift(
-        xr.Dataset({"first_overturning_pga": rows})
-    )
-    rows = ("drive", "pgv_pga"), [[0.4, 0.5], [0.4, 0.5], [0.5, np.nan]]
-    said = drive._shift(xr.Dataset({"first_overturning_pga": rows}))
-    assert said.endswith("by +25.0 % at most, and beyond the grid in 1 row of 2")
+    def said(*frame_and_servos: list[float]) -> str:
+        rows = ("drive", "pgv_pga"), list(frame_and_servos)
+        return drive._shift(xr.Dataset({"first_overturning_pga": rows}))
+
+    shift = "shifted by +25.0 % in the median row and by +25.0 % at most"
+    both, gap = "both with the servo and without it", np.nan
+    assert said([0.4, 0.4], [0.4, 0.6], [0.5, 0.5]) == shift
+    alone = "; in 2 rows there is one only with the servo; in 1 row there is one only without it"
+    found = said([0.4, gap, gap, 0.5, gap], [0.4] * 5, [0.5, 0.6, 0.7, gap, gap])
+    assert found == f"{shift}, over the 1 of 5 rows that have one {both}{alone}"
+    assert said([gap], [0.4], [gap]) == f"known in no row {both}"
 
 
 @pytest.mark.slow
