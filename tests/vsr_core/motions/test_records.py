@@ -17,6 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from scipy.signal import firwin, freqz
 from scipy.signal.windows import tukey
 from support import record_files as files
 
@@ -548,7 +549,12 @@ def test_a_response_that_changes_within_the_record_is_refused(gap: float) -> Non
 
 
 def of_counts(
-    counts: np.ndarray, unit: str, step: float, without: slice, *stages: object
+    counts: np.ndarray,
+    unit: str,
+    step: float,
+    without: slice,
+    *stages: object,
+    corners: tuple[float, ...] = (0.05, 0.1, 25.0, 35.0),
 ) -> Record:
     """The record of an instrument with a flat response of 1e6 counts, which left out a gap.
 
@@ -575,8 +581,7 @@ def of_counts(
         )
     ]
     obspy.Stream(traces).write(waves, format="MSEED")
-    how = Reading("HNE", None, xml.getvalue(), (0.05, 0.1, 25.0, 35.0))
-    return read(waves.getvalue(), ".mseed", how)
+    return read(waves.getvalue(), ".mseed", Reading("HNE", None, xml.getvalue(), corners))
 
 
 @pytest.mark.parametrize("unit", ["NM/S", "MM/S**2", "CM", "M/(SEC**2)", "m/s/s"])
@@ -611,6 +616,45 @@ def test_a_response_that_is_zero_within_the_band_is_at_fault() -> None:
     without = "M/S**2", 0.01, slice(400, 400)
     assert np.isfinite(of_counts(counts, *without).acceleration).all()
     refusal(lambda: of_counts(counts, *without, mean), "a response for XX.STA..HNE that is zero")
+
+
+def test_upper_corners_end_where_a_digitizers_filter_has_fallen() -> None:
+    """To 1e-7, and the last digits of the counts were 500 times the PGA."""
+    pytest.importorskip("obspy")
+    from obspy.core.inventory.response import FIRResponseStage, PolesZerosResponseStage
+
+    taps, late = firwin(201, 42.0, window=("kaiser", 13.0), fs=200.0), 100 / 200.0
+    keys = ("input_sample_rate", "factor", "offset", "delay", "correction")
+    by = {
+        f"decimation_{key}": one for key, one in zip(keys, (200.0, 2, 0, late, late), strict=True)
+    }
+    fir = FIRResponseStage(2, 1.0, 1.0, "COUNTS", "COUNTS", coefficients=taps.tolist(), **by)
+    time = 0.005 * np.arange(8000)
+    shaking = 0.02 * np.exp(-(((time - 20.0) / 2.0) ** 2)) * np.sin(16.0 * np.pi * time)
+    counts = 1e6 * np.convolve(shaking, taps, "same")[::2]
+
+    def taken(*corners: float, stage: object = fir) -> np.ndarray:
+        record = of_counts(counts, "M/S**2", 0.01, slice(400, 400), stage, corners=corners)
+        return record.acceleration
+
+    with pytest.raises(InvalidInput, match="lower") as caught:
+        taken(0.05, 0.1, 45.0, 50.0)
+    hertz = float(re.search(r"from ([\d.]+) Hz on", str(caught.value))[1])
+    assert abs(freqz(taps, worN=[hertz], fs=200.0)[1][0]) == pytest.approx(0.1, rel=0.2)
+    for ends in ((25.0, 35.0), (30.0, hertz)):
+        error = np.abs(taken(0.05, 0.1, *ends) - shaking[::2]).max()
+        assert error < 1e-3 * shaking.max(), (ends, error)
+    refusal(lambda: taken(0.05, 0.1, 60.0, 80.0), "end at 80 Hz", "less than 10%")
+    refusal(lambda: taken(60.0, 70.0, 80.0, 90.0), "above 70 Hz", "tells up to 50 Hz")
+    # a geophone of 4.5 Hz, of which long periods are asked
+    poles = 9.0 * np.pi * np.exp(1j * np.pi * np.array([0.75, -0.75]))
+    at = 2j * np.pi
+    one = abs((at - poles[0]) * (at - poles[1]) / at**2)
+    laplace = "LAPLACE (RADIANS/SECOND)"
+    geophone = PolesZerosResponseStage(
+        2, 1.0, 1.0, "COUNTS", "COUNTS", laplace, 1.0, [0.0, 0.0], poles.tolist(), one
+    )
+    assert np.isfinite(taken(0.05, 0.1, 25.0, 35.0, stage=geophone)).all()
 
 
 @pytest.mark.parametrize("off", [[8e4], [8e4, 8e4], [-32768.0]])
