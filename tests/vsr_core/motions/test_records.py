@@ -204,6 +204,16 @@ def test_times_that_may_be_of_two_rates_are_refused(
     refusal(lambda: read_table(text, None, None), "left out", "more digits")
 
 
+@pytest.mark.parametrize("many", [1.0, 10.0])
+def test_times_that_are_in_no_seconds_are_refused(many: float) -> None:
+    """Milliseconds of 1000 and 100 Hz, or samples by their numbers: a PGV of 24 s times the PGA."""
+    lines = [f"{many * place:g},{value}" for place, value in enumerate(VALUES)]
+    text = "\n".join(["time,a [m/s2]", *lines])
+    refusal(lambda: read_table(text, None, None), f"time steps of {many:g} s", "in seconds, not")
+    rare = np.float32(0.1)  # as SAC has it, and a little longer
+    assert read(sac(delta=float(rare)), ".sac", Reading(unit="m/s2")).interval == rare
+
+
 def test_uneven_steps_are_refused_and_left_out_ones_are_gaps() -> None:
     lines = files.csv(VALUES, STEP).splitlines()
     late = [*lines[:50], lines[50].replace(",", "4,"), *lines[51:]]
@@ -464,7 +474,8 @@ def test_headers_that_contradict_their_samples() -> None:
 def sac(**header: object) -> bytes:
     """A SAC file of the values."""
     module = pytest.importorskip("obspy.io.sac")
-    trace = module.SACTrace(data=VALUES.astype("f4"), delta=STEP, kstnm="NWC", **header)
+    header = {"delta": STEP, "kstnm": "NWC"} | header
+    trace = module.SACTrace(data=VALUES.astype("f4"), **header)
     file = io.BytesIO()
     trace.write(file)
     return file.getvalue()
