@@ -50,8 +50,12 @@ class NetCDF(NamedTuple):
     attributes: dict[str, str]
 
 
-MOST_SAMPLES = 10_000_000
-"""Samples of a motion: three hours at a thousand a second."""
+MOST_SAMPLES = 1_000_000
+"""Samples of a motion: over an hour at 200 a second. Three components are made into motions of runs
+in 0.7 GB."""
+
+MOST_NUMBERS = 10_000_000
+"""Numbers of a NetCDF file along its time."""
 
 
 def is_cut(text: str, last: Sequence[str], others: Iterable[str]) -> bool:
@@ -164,7 +168,10 @@ def _along_time(data: netCDF4.Dataset) -> NetCDF:
         for name, variable in data.variables.items()
         if np.dtype(variable.dtype).kind in "iuf" and variable.dimensions == data["time"].dimensions
     }
-    check_size(len(along) * data["time"].size, "numbers along time")  # few bytes may stand for all
+    check_size(data["time"].size, "samples")  # few bytes may stand for all
+    if (numbers := len(along) * data["time"].size) > MOST_NUMBERS:
+        given, rule = f"{numbers} numbers along time", f"a file has at most {MOST_NUMBERS}"
+        raise InvalidInput(given, rule, "leave out variables that are not needed")
     columns = []
     for name, variable in along.items():
         unit = getattr(variable, "units", None)
@@ -183,7 +190,9 @@ def check_size(number: int, what: str = "rows") -> None:
     """
     if number > MOST_SAMPLES:
         raise InvalidInput(
-            f"{number} {what}", f"a motion has at most {MOST_SAMPLES}", "cut it to the shaking"
+            f"{number} {what}",
+            f"a motion has at most {MOST_SAMPLES}",
+            "cut it to the shaking, or resample it",
         )
 
 

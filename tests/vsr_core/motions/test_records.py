@@ -280,7 +280,19 @@ def test_numbers_that_no_byte_stands_for_are_bounded_before_they_are_read(tmp_pa
         for name in ("time", "east"):
             file.createVariable(name, "f4", ("time",), zlib=True, chunksizes=(1_000_000,))
     assert path.stat().st_size < 20_000
-    refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), "12000000 numbers along time")
+    refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), "6000000 samples", "resample it")
+    with netCDF4.Dataset(path, "w") as file:  # each no longer than a record
+        file.createDimension("time", 160_000)
+        for place in range(66):
+            name = f"v{place}" if place else "time"
+            file.createVariable(name, "f4", ("time",), zlib=True, chunksizes=(160_000,))
+    said = "10560000 numbers along time", "leave out variables"
+    refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), *said)
+
+
+def test_a_table_of_text_is_no_longer_than_a_record() -> None:
+    text = "time,a [m/s2]\n" + "0,0\n" * 1_000_000
+    refusal(lambda: read(text.encode(), ".csv", PLAIN), "1000001 rows", "resample it")
 
 
 def test_a_heap_without_end_is_refused_before_it_is_read(tmp_path: Path) -> None:

@@ -192,7 +192,7 @@ def check_sampling(interval: float, number: float) -> None:
     if not number <= MOST_SAMPLES:
         given = f"times that span {number:.3g} samples"
         rule = f"a record has at most {MOST_SAMPLES}"
-        raise InvalidInput(given, rule, "correct the times, or cut the record to the shaking")
+        raise InvalidInput(given, rule, "correct the times, or cut or resample the record")
 
 
 def side_by_side(columns: Sequence[Array]) -> Array:
