@@ -15,10 +15,11 @@ from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions.hdf5_heaps import endless
 
-_BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
+_BRACKETS = re.compile(r"((?:.*[\])])?[^\[(\])]*)[\[(]([^\])]*)[\])]")
+"""A name and its unit, in the last brackets. Each character is in one of its parts alone: 60,000
+blanks took half a minute."""
 
-
-_WITH_UNIT = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
+_WITH_UNIT = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\[(\])]*[\])])?")
 """A name among names apart by blanks."""
 
 _DIGIT = re.compile(r"\d")
@@ -202,6 +203,6 @@ def _filled(variable: Any) -> Array:
 
 def _name(word: str) -> tuple[str, str | None]:
     """A column's name without its unit, and the unit."""
-    word = word.strip().strip('"')
-    found = _BRACKETS.match(word)
-    return (found[1], found[2]) if found else (word, None)
+    word = word.strip().strip('"').strip()
+    found = _BRACKETS.fullmatch(word)
+    return (found[1].strip(), found[2].strip()) if found else (word, None)
