@@ -145,7 +145,10 @@ class ProcessingConfig(Section):
     )
     poles: int = Field(4, ge=1, le=10, description="number of poles of each filter in one pass")
     resample: Rate | None = Field(
-        None, le=100_000, description="new sampling rate, band-limited; null to keep it [1/s]"
+        None,
+        ge=10,
+        le=100_000,
+        description="new sampling rate, band-limited; null to keep it [1/s]",
     )
 
     @model_validator(mode="after")

@@ -32,6 +32,7 @@ from tests.support.motion_and_mesh_files import (
     words_of,
 )
 from vsr_core.errors import InvalidInput
+from vsr_core.motions.named_columns import of_text
 from vsr_core.motions.records import formats
 
 Refused = Callable[..., str]
@@ -249,6 +250,21 @@ def test_record_is_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text(text)
     with bounded(seconds=2.0, mebibytes=200.0), pytest.raises(InvalidInput, match=words):
         read_record(tmp_path / name)
+
+
+@pytest.mark.parametrize("much", [" " * 60_000, " [" * 30_000, "[)" * 30_000, "[" * 60_000 + ")"])
+@pytest.mark.parametrize("separator", [",", " "])
+def test_names_of_columns_are_read_at_once(much: str, separator: str) -> None:
+    """60,000 blanks in one took half a minute."""
+    names = f"time{separator}acc{much}x"
+    with bounded(seconds=1.0, mebibytes=50.0):
+        assert of_text(names)[0].name == "time"
+    assert [one[:2] for one in of_text("a (b) [ m ],c(d),e[[f],g]\n")] == [
+        ("a (b)", "m"),
+        ("c", "d"),
+        ("e", "[f"),
+        ("g]", None),
+    ]
 
 
 @pytest.mark.parametrize("name", ["one.at2", "one.v2", "one.ns"])

@@ -15,10 +15,11 @@ from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions.hdf5_heaps import endless
 
-_BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
+_BRACKETS = re.compile(r"((?:.*[\])])?[^\[(\])]*)[\[(]([^\])]*)[\])]")
+"""A name and its unit, in the last brackets. Each character is in one of its parts alone: 60,000
+blanks took half a minute."""
 
-
-_WITH_UNIT = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
+_WITH_UNIT = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\[(\])]*[\])])?")
 """A name among names apart by blanks."""
 
 _DIGIT = re.compile(r"\d")
@@ -50,8 +51,12 @@ class NetCDF(NamedTuple):
     attributes: dict[str, str]
 
 
-MOST_SAMPLES = 10_000_000
-"""Samples of a motion: three hours at a thousand a second."""
+MOST_SAMPLES = 1_000_000
+"""Samples of a motion: over an hour at 200 a second. Three components are made into motions of runs
+in 0.7 GB."""
+
+MOST_NUMBERS = 10_000_000
+"""Numbers of a NetCDF file along its time."""
 
 
 def is_cut(text: str, last: Sequence[str], others: Iterable[str]) -> bool:
@@ -164,7 +169,10 @@ def _along_time(data: netCDF4.Dataset) -> NetCDF:
         for name, variable in data.variables.items()
         if np.dtype(variable.dtype).kind in "iuf" and variable.dimensions == data["time"].dimensions
     }
-    check_size(len(along) * data["time"].size, "numbers along time")  # few bytes may stand for all
+    check_size(data["time"].size, "samples")  # few bytes may stand for all
+    if (numbers := len(along) * data["time"].size) > MOST_NUMBERS:
+        given, rule = f"{numbers} numbers along time", f"a file has at most {MOST_NUMBERS}"
+        raise InvalidInput(given, rule, "leave out variables that are not needed")
     columns = []
     for name, variable in along.items():
         unit = getattr(variable, "units", None)
@@ -183,7 +191,9 @@ def check_size(number: int, what: str = "rows") -> None:
     """
     if number > MOST_SAMPLES:
         raise InvalidInput(
-            f"{number} {what}", f"a motion has at most {MOST_SAMPLES}", "cut it to the shaking"
+            f"{number} {what}",
+            f"a motion has at most {MOST_SAMPLES}",
+            "cut it to the shaking, or resample it",
         )
 
 
@@ -193,6 +203,6 @@ def _filled(variable: Any) -> Array:
 
 def _name(word: str) -> tuple[str, str | None]:
     """A column's name without its unit, and the unit."""
-    word = word.strip().strip('"')
-    found = _BRACKETS.match(word)
-    return (found[1], found[2]) if found else (word, None)
+    word = word.strip().strip('"').strip()
+    found = _BRACKETS.fullmatch(word)
+    return (found[1].strip(), found[2].strip()) if found else (word, None)

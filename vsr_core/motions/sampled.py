@@ -18,8 +18,9 @@ from vsr_core.motions.six_axes import AXES, TableMotion
 DEGREE = 5
 """Of the splines: the acceleration is then a cubic between samples and has a continuous slope."""
 
-LEAST_SAMPLES = 8
-"""Fewer do not define an acceleration."""
+LEAST_SAMPLES, MOST_SAMPLES = 8, 200_000
+"""Fewer do not define an acceleration; of so many, over 16 minutes at 200 a second, the splines of
+six axes take 0.9 GB."""
 
 REST = 0.05
 """Velocity at the ends of a sampled motion that still counts as rest, as a share of its largest in
@@ -110,13 +111,16 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
     Raises
     ------
     InvalidInput
-        For too few samples, values that are not numbers, times in no equal steps, angles that
-        were meant in degrees, or a table that moves at the start or the end.
+        For too few or too many samples, values that are not numbers, times in no equal steps,
+        angles that were meant in degrees, or a table that moves at the start or the end.
     """
     if len(time) < LEAST_SAMPLES:
         raise InvalidInput(
             f"{len(time)} samples", f"{LEAST_SAMPLES} are needed at least", "sample it more closely"
         )
+    if len(time) > MOST_SAMPLES:
+        given, rule = f"{len(time)} samples", f"a table's motion has at most {MOST_SAMPLES}"
+        raise InvalidInput(given, rule, "cut it to the shaking, or resample it")
     if not (np.isfinite(time).all() and np.isfinite(samples).all()):
         raise InvalidInput("values that are not numbers", "all must be finite", "fill its gaps")
     if (np.diff(time) <= 0.0).any():

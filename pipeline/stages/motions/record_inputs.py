@@ -38,8 +38,8 @@ _NAMED = 5
 
 _FILES, _RESPONSE = "motion.files", "motion.response.file"
 
-LARGEST_FILE = 256 * 1024**2
-"""Bytes of a file of motions: of ten million samples in text."""
+LARGEST_FILE = 128 * 1024**2
+"""Bytes of a file of motions: of eight channels of a million samples in text."""
 
 _ALIKE = 1e-3
 """Share by which what a scale leaves differs at two scales, in samples of few digits."""

@@ -17,6 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from scipy.signal import firwin, freqz
 from scipy.signal.windows import tukey
 from support import record_files as files
 
@@ -203,6 +204,16 @@ def test_times_that_may_be_of_two_rates_are_refused(
     refusal(lambda: read_table(text, None, None), "left out", "more digits")
 
 
+@pytest.mark.parametrize("many", [1.0, 10.0])
+def test_times_that_are_in_no_seconds_are_refused(many: float) -> None:
+    """Milliseconds of 1000 and 100 Hz, or samples by their numbers: a PGV of 24 s times the PGA."""
+    lines = [f"{many * place:g},{value}" for place, value in enumerate(VALUES)]
+    text = "\n".join(["time,a [m/s2]", *lines])
+    refusal(lambda: read_table(text, None, None), f"time steps of {many:g} s", "in seconds, not")
+    rare = np.float32(0.1)  # as SAC has it, and a little longer
+    assert read(sac(delta=float(rare)), ".sac", Reading(unit="m/s2")).interval == rare
+
+
 def test_uneven_steps_are_refused_and_left_out_ones_are_gaps() -> None:
     lines = files.csv(VALUES, STEP).splitlines()
     late = [*lines[:50], lines[50].replace(",", "4,"), *lines[51:]]
@@ -269,7 +280,19 @@ def test_numbers_that_no_byte_stands_for_are_bounded_before_they_are_read(tmp_pa
         for name in ("time", "east"):
             file.createVariable(name, "f4", ("time",), zlib=True, chunksizes=(1_000_000,))
     assert path.stat().st_size < 20_000
-    refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), "12000000 numbers along time")
+    refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), "6000000 samples", "resample it")
+    with netCDF4.Dataset(path, "w") as file:  # each no longer than a record
+        file.createDimension("time", 160_000)
+        for place in range(66):
+            name = f"v{place}" if place else "time"
+            file.createVariable(name, "f4", ("time",), zlib=True, chunksizes=(160_000,))
+    said = "10560000 numbers along time", "leave out variables"
+    refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), *said)
+
+
+def test_a_table_of_text_is_no_longer_than_a_record() -> None:
+    text = "time,a [m/s2]\n" + "0,0\n" * 1_000_000
+    refusal(lambda: read(text.encode(), ".csv", PLAIN), "1000001 rows", "resample it")
 
 
 def test_a_heap_without_end_is_refused_before_it_is_read(tmp_path: Path) -> None:
@@ -463,7 +486,8 @@ def test_headers_that_contradict_their_samples() -> None:
 def sac(**header: object) -> bytes:
     """A SAC file of the values."""
     module = pytest.importorskip("obspy.io.sac")
-    trace = module.SACTrace(data=VALUES.astype("f4"), delta=STEP, kstnm="NWC", **header)
+    header = {"delta": STEP, "kstnm": "NWC"} | header
+    trace = module.SACTrace(data=VALUES.astype("f4"), **header)
     file = io.BytesIO()
     trace.write(file)
     return file.getvalue()
@@ -548,7 +572,12 @@ def test_a_response_that_changes_within_the_record_is_refused(gap: float) -> Non
 
 
 def of_counts(
-    counts: np.ndarray, unit: str, step: float, without: slice, *stages: object
+    counts: np.ndarray,
+    unit: str,
+    step: float,
+    without: slice,
+    *stages: object,
+    corners: tuple[float, ...] = (0.05, 0.1, 25.0, 35.0),
 ) -> Record:
     """The record of an instrument with a flat response of 1e6 counts, which left out a gap.
 
@@ -575,8 +604,7 @@ def of_counts(
         )
     ]
     obspy.Stream(traces).write(waves, format="MSEED")
-    how = Reading("HNE", None, xml.getvalue(), (0.05, 0.1, 25.0, 35.0))
-    return read(waves.getvalue(), ".mseed", how)
+    return read(waves.getvalue(), ".mseed", Reading("HNE", None, xml.getvalue(), corners))
 
 
 @pytest.mark.parametrize("unit", ["NM/S", "MM/S**2", "CM", "M/(SEC**2)", "m/s/s"])
@@ -611,6 +639,45 @@ def test_a_response_that_is_zero_within_the_band_is_at_fault() -> None:
     without = "M/S**2", 0.01, slice(400, 400)
     assert np.isfinite(of_counts(counts, *without).acceleration).all()
     refusal(lambda: of_counts(counts, *without, mean), "a response for XX.STA..HNE that is zero")
+
+
+def test_upper_corners_end_where_a_digitizers_filter_has_fallen() -> None:
+    """To 1e-7, and the last digits of the counts were 500 times the PGA."""
+    pytest.importorskip("obspy")
+    from obspy.core.inventory.response import FIRResponseStage, PolesZerosResponseStage
+
+    taps, late = firwin(201, 42.0, window=("kaiser", 13.0), fs=200.0), 100 / 200.0
+    keys = ("input_sample_rate", "factor", "offset", "delay", "correction")
+    by = {
+        f"decimation_{key}": one for key, one in zip(keys, (200.0, 2, 0, late, late), strict=True)
+    }
+    fir = FIRResponseStage(2, 1.0, 1.0, "COUNTS", "COUNTS", coefficients=taps.tolist(), **by)
+    time = 0.005 * np.arange(8000)
+    shaking = 0.02 * np.exp(-(((time - 20.0) / 2.0) ** 2)) * np.sin(16.0 * np.pi * time)
+    counts = 1e6 * np.convolve(shaking, taps, "same")[::2]
+
+    def taken(*corners: float, stage: object = fir) -> np.ndarray:
+        record = of_counts(counts, "M/S**2", 0.01, slice(400, 400), stage, corners=corners)
+        return record.acceleration
+
+    with pytest.raises(InvalidInput, match="lower") as caught:
+        taken(0.05, 0.1, 45.0, 50.0)
+    hertz = float(re.search(r"from ([\d.]+) Hz on", str(caught.value))[1])
+    assert abs(freqz(taps, worN=[hertz], fs=200.0)[1][0]) == pytest.approx(0.1, rel=0.2)
+    for ends in ((25.0, 35.0), (30.0, hertz)):
+        error = np.abs(taken(0.05, 0.1, *ends) - shaking[::2]).max()
+        assert error < 1e-3 * shaking.max(), (ends, error)
+    refusal(lambda: taken(0.05, 0.1, 60.0, 80.0), "end at 80 Hz", "less than 10%")
+    refusal(lambda: taken(60.0, 70.0, 80.0, 90.0), "above 70 Hz", "tells up to 50 Hz")
+    # a geophone of 4.5 Hz, of which long periods are asked
+    poles = 9.0 * np.pi * np.exp(1j * np.pi * np.array([0.75, -0.75]))
+    at = 2j * np.pi
+    one = abs((at - poles[0]) * (at - poles[1]) / at**2)
+    laplace = "LAPLACE (RADIANS/SECOND)"
+    geophone = PolesZerosResponseStage(
+        2, 1.0, 1.0, "COUNTS", "COUNTS", laplace, 1.0, [0.0, 0.0], poles.tolist(), one
+    )
+    assert np.isfinite(taken(0.05, 0.1, 25.0, 35.0, stage=geophone)).all()
 
 
 @pytest.mark.parametrize("off", [[8e4], [8e4, 8e4], [-32768.0]])

@@ -489,6 +489,12 @@ def test_samples_that_are_no_motion(change: dict[str, object], words: str) -> No
         sampled(*broken(**change))
 
 
+def test_more_samples_than_memory_holds_splines_of_are_refused() -> None:
+    time = 0.001 * np.arange(200_001)
+    with pytest.raises(InvalidInput, match=r"200001 samples; .*; cut it to the shaking"):
+        sampled(time, np.zeros((len(time), 6)))
+
+
 def test_angles_that_wrap_are_unwrapped() -> None:
     motion = ramp("yaw", 4.0)
     wrapped = motion.samples.copy()

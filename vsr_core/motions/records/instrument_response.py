@@ -31,7 +31,8 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
     Raises
     ------
     InvalidInput
-        Without corners, or for a response of no motion, or one that contradicts itself or changes.
+        Without corners or with ones out of reach, or for a response of no motion, or one that
+        contradicts itself or changes.
     """
     if corners is None:
         given = "a response without corners"
@@ -56,8 +57,39 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
             given = f"a response for {trace.id} that is zero, or no number, at a frequency"
             rule = "the spectrum of the record is divided by it, beyond the corners, too"
             raise InvalidInput(given, rule, "correct the response, or download it again")
+        _check_upper_corners(trace, corners)
         trace.data = np.ma.masked_array(trace.data[ends : ends + len(whole)], missing)
     return stream
+
+
+FAINTEST = 0.1
+"""Least response divided by above its greatest, as a share of that: the last digits of counts grow
+by ten times. In a digitizer's filter they grow up to a million times, beyond any PGA of shaking."""
+
+
+def _check_upper_corners(trace: Any, corners: Corners) -> None:
+    """Refuse corners up to where the response, in the instrument's own quantity, is faint.
+
+    Towards long periods it may be: there a record is told by more samples, and high-passed.
+    """
+    nyquist, key = 0.5 / trace.stats.delta, "motion.response.corners"
+    if corners[1] >= nyquist:
+        given = f"{key} above {corners[1]:g} Hz"
+        rule = f"a record of {2.0 * nyquist:g} samples a second tells up to {nyquist:g} Hz"
+        raise InvalidInput(given, rule, "correct the corners, which are in Hz")
+    band = np.linspace(corners[1], min(corners[3], nyquist), 1000)
+    found = trace.stats.response.get_evalresp_response_for_frequencies(
+        band, "DEF", None, None, True
+    )
+    greatest = int(np.abs(found).argmax())
+    above, share = band[greatest:], np.abs(found[greatest:] / found[greatest])
+    fallen = np.clip((above - corners[2]) / (corners[3] - corners[2]), 0.0, 1.0)
+    if (0.5 + 0.5 * np.cos(np.pi * fallen) > share / FAINTEST).any():
+        hertz = above[share < FAINTEST][0]
+        given = f"{key} that end at {corners[3]:g} Hz"
+        rule = f"from {hertz:.3g} Hz on, the response for {trace.id} is less than {FAINTEST:.0%} of"
+        rule += " its greatest, and dividing by it makes shaking of the last digits"
+        raise InvalidInput(given, rule, f"end {key} there, or lower")
 
 
 def _with_ends(values: Array, number: int) -> Array:

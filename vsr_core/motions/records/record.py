@@ -26,8 +26,9 @@ _KNOWN = {name: factor for factor, names in _FACTORS.items() for name in names}
 
 _RAW = ("counts", "count", "v", "volt", "volts", "mv")
 
-SHORTEST_INTERVAL, LONGEST_INTERVAL = 1e-6, 1.0
-"""Time steps of a record [s]: no instrument is faster, and no shaking is told by slower ones."""
+SHORTEST_INTERVAL, LONGEST_INTERVAL = 1e-6, 0.1
+"""Time steps of a record [s]: no instrument is faster, and no shaking is told by slower ones.
+Of 1 s are milliseconds that were taken for seconds, or the numbers of the samples."""
 
 
 class Direction(NamedTuple):
@@ -183,14 +184,15 @@ def check_sampling(interval: float, number: float) -> None:
     InvalidInput
         If the steps or the number are beyond any instrument's.
     """
-    if not SHORTEST_INTERVAL <= interval <= LONGEST_INTERVAL:
+    if not SHORTEST_INTERVAL <= round(interval, 7) <= LONGEST_INTERVAL:  # SAC's has seven digits
         given = f"time steps of {interval:.3g} s"
         rule = f"they are from {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s"
-        raise InvalidInput(given, rule, "correct the times, which are in seconds")
+        remedy = "are the times in seconds, not in milliseconds or samples? correct them"
+        raise InvalidInput(given, rule, remedy)
     if not number <= MOST_SAMPLES:
         given = f"times that span {number:.3g} samples"
         rule = f"a record has at most {MOST_SAMPLES}"
-        raise InvalidInput(given, rule, "correct the times, or cut the record to the shaking")
+        raise InvalidInput(given, rule, "correct the times, or cut or resample the record")
 
 
 def side_by_side(columns: Sequence[Array]) -> Array:
