@@ -56,7 +56,7 @@ MOST_SAMPLES = 1_000_000
 in 0.7 GB."""
 
 MOST_NUMBERS = 10_000_000
-"""Numbers of a NetCDF file along its time."""
+"""Numbers of a file along its time."""
 
 
 def is_cut(text: str, last: Sequence[str], others: Iterable[str]) -> bool:
@@ -116,6 +116,7 @@ def of_text(text: str) -> list[Column]:
     words = lines[0].split(separator) if separator else _apart_by_blanks(lines[0])
     names = [_name(word) for word in words]
     check_size(len(lines))
+    _check_numbers(len(lines) * len(names))
     flat = array("d")
     for place, line in enumerate(lines[1:], start=2):
         cells = line.split(separator)
@@ -170,9 +171,7 @@ def _along_time(data: netCDF4.Dataset) -> NetCDF:
         if np.dtype(variable.dtype).kind in "iuf" and variable.dimensions == data["time"].dimensions
     }
     check_size(data["time"].size, "samples")  # few bytes may stand for all
-    if (numbers := len(along) * data["time"].size) > MOST_NUMBERS:
-        given, rule = f"{numbers} numbers along time", f"a file has at most {MOST_NUMBERS}"
-        raise InvalidInput(given, rule, "leave out variables that are not needed")
+    _check_numbers(len(along) * data["time"].size)
     columns = []
     for name, variable in along.items():
         unit = getattr(variable, "units", None)
@@ -195,6 +194,12 @@ def check_size(number: int, what: str = "rows") -> None:
             f"a motion has at most {MOST_SAMPLES}",
             "cut it to the shaking, or resample it",
         )
+
+
+def _check_numbers(number: int) -> None:
+    if number > MOST_NUMBERS:
+        given, rule = f"{number} numbers along time", f"a file has at most {MOST_NUMBERS}"
+        raise InvalidInput(given, rule, "leave out columns that are not needed")
 
 
 def _filled(variable: Any) -> Array:

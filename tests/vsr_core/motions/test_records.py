@@ -118,6 +118,8 @@ def test_cosmos_that_breaks_its_word_is_refused() -> None:
         ("A [mg]", 1e-3 * GRAVITY),
         ("a [m s-2]", 1.0),
         ("a [cm/sec**2]", 0.01),
+        ("a_g [m/s2]", 1.0),  # the symbol of Eurocode 8: no g
+        ("Sensor_mg [cm/s2]", 0.01),
     ],
 )
 def test_table_with_its_unit_in_the_heading(heading: str, one: float) -> None:
@@ -210,6 +212,9 @@ def test_times_that_are_in_no_seconds_are_refused(many: float) -> None:
     lines = [f"{many * place:g},{value}" for place, value in enumerate(VALUES)]
     text = "\n".join(["time,a [m/s2]", *lines])
     refusal(lambda: read_table(text, None, None), f"time steps of {many:g} s", "in seconds, not")
+    slow = [f"{np.float32(0.1) * np.float32(place)},{value}" for place, value in enumerate(VALUES)]
+    text = "\n".join(["time,a [m/s2]", *slow])
+    assert read_table(text, None, None).interval == pytest.approx(0.1, rel=1e-5)
     rare = np.float32(0.1)  # as SAC has it, and a little longer
     assert read(sac(delta=float(rare)), ".sac", Reading(unit="m/s2")).interval == rare
 
@@ -286,8 +291,10 @@ def test_numbers_that_no_byte_stands_for_are_bounded_before_they_are_read(tmp_pa
         for place in range(66):
             name = f"v{place}" if place else "time"
             file.createVariable(name, "f4", ("time",), zlib=True, chunksizes=(160_000,))
-    said = "10560000 numbers along time", "leave out variables"
+    said = "10560000 numbers along time", "leave out columns"
     refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), *said)
+    names = ",".join(["time", *(f"a{place}" for place in range(9999))])
+    refusal(lambda: read_table("\n".join([names] + ["," * 9999] * 1100), None, None), "11010000")
 
 
 def test_a_table_of_text_is_no_longer_than_a_record() -> None:
@@ -668,6 +675,7 @@ def test_upper_corners_end_where_a_digitizers_filter_has_fallen() -> None:
         error = np.abs(taken(0.05, 0.1, *ends) - shaking[::2]).max()
         assert error < 1e-3 * shaking.max(), (ends, error)
     refusal(lambda: taken(0.05, 0.1, 60.0, 80.0), "end at 80 Hz", "less than 10%")
+    refusal(lambda: taken(47.0, 48.9, 49.0, 49.3), "end at 49.3 Hz", "less than 10%")
     refusal(lambda: taken(60.0, 70.0, 80.0, 90.0), "above 70 Hz", "tells up to 50 Hz")
     # a geophone of 4.5 Hz, of which long periods are asked
     poles = 9.0 * np.pi * np.exp(1j * np.pi * np.array([0.75, -0.75]))

@@ -44,9 +44,10 @@ def read_table(text: str, component: str | None, unit: str | None) -> Record:
 
 
 def _by_suffix(column: Column) -> Column:
-    """The column with the unit that ends its name, as in ``acc_g``."""
+    """The column with the unit that ends its name, as in ``acc_g``, if it states no other."""
     head, mark, tail = column.name.rpartition("_")
-    return Column(head, tail, column.values) if mark and is_acceleration(tail) else column
+    ends = mark and column.unit is None and is_acceleration(tail)
+    return Column(head, tail, column.values) if ends else column
 
 
 MAGIC = (b"CDF", b"\x89HDF")

@@ -77,7 +77,7 @@ def _check_upper_corners(trace: Any, corners: Corners) -> None:
         given = f"{key} above {corners[1]:g} Hz"
         rule = f"a record of {2.0 * nyquist:g} samples a second tells up to {nyquist:g} Hz"
         raise InvalidInput(given, rule, "correct the corners, which are in Hz")
-    band = np.linspace(corners[1], min(corners[3], nyquist), 1000)
+    band = np.linspace(0.0, min(corners[3], nyquist), 2001)[1:]
     found = trace.stats.response.get_evalresp_response_for_frequencies(
         band, "DEF", None, None, True
     )
