@@ -30,9 +30,6 @@ SHORTEST_INTERVAL, LONGEST_INTERVAL = 1e-6, 0.1
 """Time steps of a record [s]: no instrument is faster, and no shaking is told by slower ones.
 Of 1 s are milliseconds that were taken for seconds, or the numbers of the samples."""
 
-_OFF = 1.001
-"""How much larger a step may be: of times in single precision, or a clock that is slow."""
-
 
 class Direction(NamedTuple):
     """Where a channel points: azimuth clockwise from north and dip, positive down [degree]."""
@@ -187,12 +184,10 @@ def check_sampling(interval: float, number: float) -> None:
     InvalidInput
         If the steps or the number are beyond any instrument's.
     """
-    if not SHORTEST_INTERVAL <= interval / _OFF <= LONGEST_INTERVAL:
+    if not SHORTEST_INTERVAL <= interval <= 1.001 * LONGEST_INTERVAL:  # of few digits, or slow
         given = f"time steps of {interval:.4g} s"
         rule = f"they are from {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s"
-        remedy = (
-            "are the times in seconds, not in milliseconds or samples? or leave such channels out"
-        )
+        remedy = "are the times in seconds, not in samples? correct them, or leave the channel out"
         raise InvalidInput(given, rule, remedy)
     if not number <= MOST_SAMPLES:
         given = f"times that span {number:.3g} samples"
