@@ -36,8 +36,8 @@ COMPARISON = Stage(
 )
 """What is made of all members, after them."""
 
-COMPARED = {"report": "fragility", "displacement_report": "displacement"}
-"""What a page is of, which reads keys of its own: its members are compared by that."""
+COMPARED = {"report": "fragility"}
+"""What a page is of, which reads keys for its words only: its members are compared by that."""
 
 
 @dataclass(frozen=True)
@@ -145,10 +145,14 @@ def _refuse_idle(swept: Swept, of: str, keys: dict[str, str]) -> None:
     members = swept.sweep.members
     for n, one in enumerate(swept.sweep.parted):
         file, key, given = swept.sweep.file, f"sweep.{one.name}", ", ".join(one.values)
-        for keys_of, (section, shape), rule, remedy in IDLE:
-            shapes = {getattr(m.site.settings, section).shape for m in members}
-            if one.values.keys() <= {*keys_of.split()} and shapes == {shape}:
-                raise InputError(Problem(file, key, given, rule, remedy))
+        idle = [
+            (rule, remedy, {*keys_of.split()} & one.values.keys())
+            for keys_of, (section, shape), rule, remedy in IDLE
+            if {getattr(m.site.settings, section).shape for m in members} == {shape}
+        ]
+        if one.values.keys() <= set().union(*(own for *_, own in idle)):
+            rule, remedy, _ = max(idle, key=lambda entry: len(entry[-1]))
+            raise InputError(Problem(file, key, given, rule, remedy))
         found = {(m.place[:n], m.place[n + 1 :], keys[m.name]) for m in members}
         if len(found) * len(one.labels) == len(members) > len(found):
             rule = f"{of} does not depend on it here"

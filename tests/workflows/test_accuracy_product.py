@@ -17,6 +17,7 @@ from pipeline.stages.studies.accuracy import accuracy, comparison, quantity_fron
 from pipeline.stages.studies.accuracy.accuracy import _better, cheapest, measured, work_precision
 from pipeline.workflow import pages
 from pipeline.workflow.datasets import read
+from vsr_core.rock import solid
 from vsr_core.run import agreement, time_step
 from vsr_core.verification import other_engines, reference, sensitivity
 from vsr_core.verification.work_precision import Target
@@ -28,6 +29,14 @@ SITE = (
     "motion: {pga: [0.2, 0.4, 0.6], pgv_pga: [0.2, 0.4]}\n"
     "simulation: {time_step: auto}\n"
 )
+
+
+def test_a_box_is_compared_on_all_rows_of_its_narrow_face() -> None:
+    """On the broad one every way is right."""
+    rock = solid.box((1.0, 0.5, 1.7), 2600.0).rock
+    unit = time_step.step_unit(rock)
+    places = comparison._places(rock)
+    assert places == [(90.0, share * unit) for share in time_step.BOX_PERIODS]
 
 
 @pytest.fixture(scope="module")

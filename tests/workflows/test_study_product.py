@@ -362,11 +362,15 @@ def test_a_sweep_of_what_nothing_uses_is_refused(study: Study) -> None:
         ran = study.vsr("plan", product, *study.line())
         assert ran.code == 2
         assert "sweep.inset: got uncertainty.inset; fragility does not depend on it" in ran.err
-    scale = "yaw: 0\nsweep:\n  scale: {rock.scale: [1.0, 2.0]}\n"
-    (study.folder / "study.yaml").write_text(scale)
-    ran = study.vsr("plan", *study.line())
-    assert ran.code == 2
-    assert "sweep.scale: got rock.scale; a box is as large as rock.size says" in ran.err
+    both = "rock.scale: [1.0, 2.0], pedestal.point_on_rock: [[0, 0, 1], [0, 0, 2]]"
+    for keys, rule in (
+        ("rock.scale: [1.0, 2.0]", "rock.scale; a box is as large as rock.size says"),
+        (both, "rock.scale, pedestal.point_on_rock; level ground has no part for it"),
+    ):
+        (study.folder / "study.yaml").write_text(f"yaw: 0\nsweep:\n  scale: {{{keys}}}\n")
+        ran = study.vsr("plan", *study.line())
+        assert ran.code == 2
+        assert f"sweep.scale: got {rule}" in ran.err
 
 
 @pytest.mark.slow

@@ -81,9 +81,9 @@ def installed(*, on_terrain: bool = False) -> tuple[str, ...]:
 
 
 def _places(rock: Rock) -> list[Place]:
-    """At most ``MOST_ROWS`` rows: each direction once, short and long pulses in turn."""
-    yaws = [in_si.in_degrees(yaw) for yaw in ladder.directions(rock)]
-    periods = ladder.periods(rock)
+    """At most ``MOST_ROWS`` usual rows: each direction once, short and long pulses in turn."""
+    usual, periods = ladder.lots(rock)[0], ladder.periods(rock)
+    yaws = [in_si.in_degrees(yaw) for yaw in dict.fromkeys(place.yaw for place in usual)]
     if len(yaws) * len(periods) <= MOST_ROWS:
         return list(product(yaws, periods))
     return [(yaw, periods[at % len(periods)]) for at, yaw in enumerate(yaws)][:MOST_ROWS]
