@@ -87,6 +87,7 @@ def ran(name: str, cells: int | None = None) -> dict[str, Any]:
     return names
 
 
+@pytest.mark.slow
 def test_the_first_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Housner's block topples at 0.669 g."""
     monkeypatch.chdir(tmp_path)

@@ -26,20 +26,28 @@ simulation: {engine: nonsmooth, time_step: 0.008}
 """
 
 
-@pytest.fixture
-def made(vsr: Callable[..., Ran], tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory, quick_time_step: None) -> Path:
     """Results of a site in one folder whose record is in another."""
+    folder = tmp_path_factory.mktemp("once")
     for name in ("sites", "records"):
-        (tmp_path / "there" / name).mkdir(parents=True)
+        (folder / "there" / name).mkdir(parents=True)
     times = 0.01 * np.arange(201)
     sine, cosine = np.sin(0.5 * np.pi * times), np.cos(0.5 * np.pi * times)
     shaking = 12.0 * (3.0 * sine**2 * cosine**2 - sine**4)  # of a table that goes as sin^4
     rows = "".join(f"{t:.2f},{a:.6f}\n" for t, a in zip(times, shaking, strict=True))
-    (tmp_path / "there" / "records" / "shake.csv").write_text("time,acceleration\n" + rows)
-    site = tmp_path / "there" / "sites" / "stone.yaml"
+    (folder / "there" / "records" / "shake.csv").write_text("time,acceleration\n" + rows)
+    site = folder / "there" / "sites" / "stone.yaml"
     site.write_text(SITE)
-    ran = vsr("run", "responses", "--site", site, "--workers", "0")
-    assert ran.code == cli.DONE, ran.err
+    given = ["run", "responses", "--site", str(site), "--workers", "0"]
+    assert cli.main([*given, "--derived", str(folder / "derived")]) == cli.DONE
+    return folder
+
+
+@pytest.fixture
+def made(once: Path, tmp_path: Path) -> Path:
+    """A copy of these results, and of what they were made from."""
+    shutil.copytree(once, tmp_path, dirs_exist_ok=True)
     return tmp_path / "derived" / "stone"
 
 

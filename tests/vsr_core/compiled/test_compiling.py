@@ -243,7 +243,7 @@ def test_a_user_takes_code_that_root_has_made_in_an_image(image: Path) -> None:
     assert not [path for path in image.parent.glob("caches/**/*") if path.is_file()]
 
 
-@pytest.mark.parametrize("what", ["folder", "files"])
+@pytest.mark.parametrize("what", [pytest.param("folder", marks=pytest.mark.slow), "files"])
 def test_code_of_another_user_is_not_used(image: Path, what: str) -> None:
     """One line says so, and it is compiled into a folder of one's own, to be used from then on."""
     (folder,) = image.glob("__pycache__/compiled-*")

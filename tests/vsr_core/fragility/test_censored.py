@@ -466,7 +466,14 @@ def test_a_row_whose_slope_is_held_has_the_interval_that_it_has_alone(other: flo
     assert 2.0 / np.sqrt(np.log(2.0) / STEP * 2.0 / np.pi) <= spread[0][0] < 1.5
 
 
-@pytest.mark.parametrize(("beta", "seed"), [(b, s) for b in (0.2, 0.3) for s in range(6)])
+@pytest.mark.parametrize(
+    ("beta", "seed"),
+    [
+        pytest.param(beta, seed, marks=[pytest.mark.slow] * (seed > 1))
+        for beta in (0.2, 0.3)
+        for seed in range(6)
+    ],
+)
 def test_draws_of_a_row_are_where_its_runs_let_theta_and_beta_be(beta: float, seed: int) -> None:
     """Median and ends of 95 % by the likelihood on a grid, flat in ln theta and ln beta."""
     rng = np.random.default_rng(seed)
