@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.special import expit
 from scipy.stats import logistic, norm
+from support.suites import slow_but
 from threadpoolctl import threadpool_limits
 
 from vsr_core.fragility import fit_all
@@ -349,7 +350,7 @@ def test_a_row_that_stands_beyond_its_cells_alone_topples_from_its_first_pga_on(
     assert ((theta > 0.05) & (theta < 0.1)).all()
 
 
-@pytest.mark.parametrize("noise", [0.0, 1.0])
+@pytest.mark.parametrize("noise", slow_but([1.0], [0.0, 1.0]))
 def test_probabilities_are_those_of_the_parameters(noise: float) -> None:
     """At each PGA of the grid, which is not that of the models' own cells."""
     scatter = np.random.default_rng(3).logistic(scale=0.1, size=RATIO.size)
@@ -447,7 +448,7 @@ def test_a_row_that_is_known_to_stand_only_between_unresolved_runs_has_its_first
     assert model.coefs[0, 0, 0] < 0.0
 
 
-@pytest.mark.parametrize("other", [0.02, 2.0, 4.0])
+@pytest.mark.parametrize("other", slow_but([2.0], [0.02, 2.0, 4.0]))
 def test_a_row_whose_slope_is_held_has_the_interval_that_it_has_alone(other: float) -> None:
     """Toppling falls with its PGA: only b0 is estimated, to 1 / root of the sum of information."""
     ratio, sides = np.array([0.1, 0.2]), np.array([1, 1, 0, 1, 0, 1, 0])
@@ -466,14 +467,8 @@ def test_a_row_whose_slope_is_held_has_the_interval_that_it_has_alone(other: flo
     assert 2.0 / np.sqrt(np.log(2.0) / STEP * 2.0 / np.pi) <= spread[0][0] < 1.5
 
 
-@pytest.mark.parametrize(
-    ("beta", "seed"),
-    [
-        pytest.param(beta, seed, marks=[pytest.mark.slow] * (seed > 1))
-        for beta in (0.2, 0.3)
-        for seed in range(6)
-    ],
-)
+@pytest.mark.parametrize("seed", slow_but([0, 1], range(6)))
+@pytest.mark.parametrize("beta", [0.2, 0.3])
 def test_draws_of_a_row_are_where_its_runs_let_theta_and_beta_be(beta: float, seed: int) -> None:
     """Median and ends of 95 % by the likelihood on a grid, flat in ln theta and ln beta."""
     rng = np.random.default_rng(seed)
@@ -497,7 +492,7 @@ def test_draws_of_a_row_are_where_its_runs_let_theta_and_beta_be(beta: float, se
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("other", [0.3, 1.0, 3.5])
+@pytest.mark.parametrize("other", slow_but([0.3], [0.3, 1.0, 3.5]))
 def test_draws_of_a_row_hang_on_no_row_beside_it(other: float) -> None:
     """Steep slopes put all other PGAs far beyond what the normal distribution tells apart."""
     pga = np.array([0.05, 0.1, 0.12, 0.125, 0.15, 0.17, 0.18, 0.25, 0.5, 1.0])

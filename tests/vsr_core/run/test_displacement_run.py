@@ -18,6 +18,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from support import grounds
+from support.suites import slow_but
 
 from pipeline import ROOT
 from pipeline.stages.runs.displacement_runs import pack, unpack
@@ -277,9 +278,6 @@ def seen_from(site: TerrainCase, matrix: Array, yaw: float) -> TerrainCase:
 SOME = [(0.5, 0.2, 0.0), (0.9, 0.15, 1.0), (0.4, 0.3, 3.0), (0.18, 0.3, 0.5), (0.25, 0.08, 4.0)]
 """PGA [g], PGV/PGA [s] and yaw [rad] that topple the lump on its perch, but for the last."""
 
-FEW = [*SOME[::4], *(pytest.param(*cell, marks=pytest.mark.slow) for cell in SOME[1:4])]
-"""The same, of which the slow suite has most."""
-
 
 @cache
 def known(pga: float, ratio: float, yaw: float) -> DisplacementRun:
@@ -292,7 +290,7 @@ def test_some_topple_and_some_do_not() -> None:
     assert {known(*cell).response.outcome.overturned for cell in SOME} == {0, 1}
 
 
-@pytest.mark.parametrize(("pga", "ratio", "yaw"), FEW)
+@pytest.mark.parametrize(("pga", "ratio", "yaw"), slow_but(SOME[::4], SOME))
 def test_mirrored_site_and_shaking(pga: float, ratio: float, yaw: float) -> None:
     site = site_of("lump", "perch parts", yaw)
     mirror = np.diag([1.0, -1.0, 1.0])
@@ -300,7 +298,7 @@ def test_mirrored_site_and_shaking(pga: float, ratio: float, yaw: float) -> None
     early(known(pga, ratio, yaw), run(other, pga, ratio), mirror, site.seat.rock.radius)
 
 
-@pytest.mark.parametrize(("pga", "ratio", "yaw"), FEW)
+@pytest.mark.parametrize(("pga", "ratio", "yaw"), slow_but(SOME[::4], SOME))
 def test_turned_site_and_shaking(pga: float, ratio: float, yaw: float) -> None:
     """The shaking is along -yaw in the site's frame: it turns with the site if yaw goes back."""
     site = site_of("lump", "perch parts", yaw)

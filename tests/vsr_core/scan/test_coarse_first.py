@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from support.suites import slow_but
 
 from vsr_core.rock.triangles import areas
 from vsr_core.scan import coarse_first
@@ -47,7 +48,7 @@ def test_noise_as_large_as_the_edges_does_not_hide_the_rock() -> None:
     np.testing.assert_allclose(np.ptp(points, axis=0), np.ptp(true, axis=0), rtol=0.12)
 
 
-@pytest.mark.parametrize("faces", [1_800, 3_000, 6_000])
+@pytest.mark.parametrize("faces", slow_but([1_800], [1_800, 3_000, 6_000]))
 def test_a_rock_of_a_few_coarse_edges_is_that_among_all_faces(
     monkeypatch: pytest.MonkeyPatch, faces: int
 ) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from support import grounds
+from support.suites import slow_but
 
 from vsr_core.rock import reduction
 from vsr_core.rock.body import Rock
@@ -252,7 +253,7 @@ EVEN: dict[str, tuple[Terrain, int]] = {
 
 
 @pytest.mark.parametrize("quarters", [pytest.param(0, marks=pytest.mark.slow), 3])
-@pytest.mark.parametrize("name", EVEN)
+@pytest.mark.parametrize("name", slow_but(EVEN.keys() - {"dome"}, EVEN))
 def test_number_of_pieces_of_even_ground(name: str, quarters: int) -> None:
     """Convex ground is one part, and there is one more for each valley."""
     terrain, number = EVEN[name]

@@ -26,8 +26,13 @@ ORDERED = ("box COMPLEX, energy", "slide to rest", "rolling sphere")
 """Cases of which the order of other engines than the compiled one is in the quick suite."""
 
 HELD = [
-    pytest.param(case, engine, id=f"{name}, {engine}")
-    for name, case in CASES.items()
+    pytest.param(
+        case,
+        engine,
+        id=f"{name}, {engine}",
+        marks=[pytest.mark.slow] * (engine != "nonsmooth" and at % 3 > 0),
+    )
+    for at, (name, case) in enumerate(CASES.items())
     for engine in case.engines
     if name not in GRIDS
 ]

@@ -108,6 +108,7 @@ def test_fig_12_draws_the_paper_s_axes_and_housner() -> None:
         assert np.ceil(100.0 * drawn(axes, "housner")[1]) == expected
 
 
+@pytest.mark.slow
 def test_fig_12_finds_by_its_rules_only() -> None:
     found = [one.found for one in fig_12.findings(cuboids(b=0.6, c=0.4, d=0.5, e=0.4))]
     assert found[:4] == [True, True, True, False]  # there is no island

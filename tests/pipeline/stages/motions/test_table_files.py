@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import Ran
+from support.suites import slow_but
 
 from pipeline.stages.motions.table_motions import _doubt, _rough, load
 from vsr_core import GRAVITY
@@ -199,7 +200,7 @@ def test_what_is_not_on_the_way_is_no_motion(away: float, out: slice, tmp_path: 
         load(path)
 
 
-@pytest.mark.parametrize("rate", [100, 200, 500, 1000])
+@pytest.mark.parametrize("rate", slow_but([100, 1000], [100, 200, 500, 1000]))
 @pytest.mark.parametrize("share", [0.0, 1e-3, 0.25, 0.29, 1.0])
 def test_one_sample_makes_no_pga(rate: int, share: float, tmp_path: Path) -> None:
     """Any sample, the first and the last ones, too: what passes shakes as hard as all others."""

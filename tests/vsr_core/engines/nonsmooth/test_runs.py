@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from support.suites import slow_but
 
 from vsr_core import GRAVITY, engines
 from vsr_core.errors import InvalidInput
@@ -116,7 +117,10 @@ def test_a_surrogate_of_a_scan_topples_as_in_bullet() -> None:
     assert {r.outcome for r in own} == {Outcome.BALANCED, Outcome.OVERTURNED}
 
 
-@pytest.mark.parametrize("share", np.geomspace(0.0022, 0.012, 12))
+SHARES = np.geomspace(0.0022, 0.012, 12).tolist()
+
+
+@pytest.mark.parametrize("share", slow_but(SHARES[::4], SHARES))
 @pytest.mark.parametrize("slenderness", [2.0, 10.0, 20.0])
 def test_a_block_swings_back_alike_wherever_in_a_step_it_lands(
     slenderness: float, share: float
