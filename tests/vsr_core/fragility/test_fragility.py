@@ -609,7 +609,7 @@ def test_unit_of_pga_moves_b0_and_theta_only():
 
 
 def test_undecided_cells_change_nothing():
-    axis, grid = logistic_grid(7, n=8)
+    axis, grid = logistic_grid(7, n=10)
     holes = np.random.default_rng(0).random(grid.shape) < 0.1
     as_nan, as_code = np.where(holes, np.nan, grid), np.where(holes, -1, grid)
     one = fit_all(axis, axis, as_nan, n_bootstrap=10)
