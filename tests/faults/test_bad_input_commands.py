@@ -22,6 +22,7 @@ from pipeline.commands import COMMANDS
 from pipeline.config.problems import Problem
 from pipeline.workflow import cluster
 from tests.support.bad_input import ODD_TEXTS, see_that_it_is_one_line
+from tests.support.suites import slow_but
 
 Refused = Callable[..., str]
 Vsr = Callable[..., Any]
@@ -238,15 +239,15 @@ def test_a_date_of_sources_that_is_none_changes_nothing(tmp_path: Path) -> None:
     assert process.returncode == cli.DONE, said
 
 
-@pytest.mark.parametrize(
-    ("place", "name"),
-    [
-        ("DASK_CONFIG", "a.yaml"),
-        ("HOME", "a.yaml"),
-        ("HOME", "a.json"),
-        ("DASK_ROOT_CONFIG", "a.yml"),
-    ],
-)
+OF_DASK = [
+    ("DASK_CONFIG", "a.yaml"),
+    ("HOME", "a.json"),
+    ("HOME", "a.yaml"),
+    ("DASK_ROOT_CONFIG", "a.yml"),
+]
+
+
+@pytest.mark.parametrize(("place", "name"), slow_but(OF_DASK[:2], OF_DASK))
 def test_settings_of_dask_that_are_no_yaml(tmp_path: Path, place: str, name: str) -> None:
     bad = tmp_path / ".config" / "dask" / name
     bad.parent.mkdir(parents=True)
@@ -306,16 +307,16 @@ def test_our_own_workers_stay_whatever_is_said_of_others(
     assert "Traceback" not in said
 
 
-@pytest.mark.parametrize(
-    ("text", "variables", "words"),
-    [
-        ("", {"NUMBA_DISABLE_JIT": "1"}, "disable_jit; runs are compiled"),
-        ("DISABLE_JIT: true\n", {}, "disable_jit; runs are compiled"),
-        ("a: b: c\n", {}, "what it cannot read"),
-        ("1: 2\n", {}, "what it cannot read"),
-        ("# nothing\n", {"NUMBA_NUM_THREADS": "0"}, "what it cannot read"),
-    ],
-)
+UNCOMPILED: list[tuple[str, dict[str, str], str]] = [
+    ("DISABLE_JIT: true\n", {}, "disable_jit; runs are compiled"),
+    ("# nothing\n", {"NUMBA_NUM_THREADS": "0"}, "what it cannot read"),
+    ("", {"NUMBA_DISABLE_JIT": "1"}, "disable_jit; runs are compiled"),
+    ("a: b: c\n", {}, "what it cannot read"),
+    ("1: 2\n", {}, "what it cannot read"),
+]
+
+
+@pytest.mark.parametrize(("text", "variables", "words"), slow_but(UNCOMPILED[:2], UNCOMPILED))
 def test_settings_with_which_nothing_is_compiled(
     tmp_path: Path, text: str, variables: dict[str, str], words: str
 ) -> None:

@@ -182,7 +182,7 @@ def test_hunt_of_broken_files(tmp_path: Path, name: str, data: Any) -> None:
 
 
 @pytest.mark.parametrize("name", DOORS)
-@settings(SOME, max_examples=8)
+@settings(SOME, max_examples=3)
 @given(data=st.data())
 def test_a_command_refuses_a_broken_file_in_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, data: Any

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -19,6 +20,7 @@ from pipeline import ROOT
 from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS
 from tests.support.bad_input import bounded
 from tests.support.recorded_tests import recorded_tests
+from tests.support.suites import slow_but
 
 Refused = Callable[..., str]
 
@@ -187,6 +189,7 @@ KINDS: dict[str, Callable[[Path], Any]] = {
     "a device": lambda path: path.symlink_to("/dev/zero"),
     "a terabyte": sparse,
 }
+EACH = list(itertools.product(READ, KINDS))
 
 
 @contextmanager
@@ -235,8 +238,7 @@ def command(here: Path, given: Given) -> list[str]:
     return [*given.command.split(), "--site", "site.yaml"]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", READ)
+@pytest.mark.parametrize(("name", "kind"), slow_but(EACH[::4], EACH))
 def test_what_is_no_regular_file_or_too_large_is_refused(
     here: Path, refused: Refused, name: str, kind: str
 ) -> None:

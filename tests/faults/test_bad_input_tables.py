@@ -79,7 +79,7 @@ def test_damaged_table_is_refused_or_whole(tmp_path: Path, name: str, data: Any)
 
 
 @pytest.mark.parametrize("name", READERS)
-@settings(SOME, max_examples=8)
+@settings(SOME, max_examples=3)
 @given(data=st.data())
 def test_a_command_refuses_a_damaged_table_in_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, data: Any

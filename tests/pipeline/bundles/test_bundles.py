@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import Ran
+from support.suites import slow_but
 
 from pipeline import cli
 from pipeline.bundles import layout
@@ -391,7 +392,7 @@ def test_curves_in_folders_of_a_folder_are_in_it(
     assert (ran.code, ran.err) == (cli.DONE, ""), ran.out
 
 
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.999])
+@pytest.mark.parametrize("share", slow_but([0.999], [0.0, 0.3, 0.999]))
 def test_a_cut_one_is_refused(share: float, bundle: Path, vsr: Callable[..., Ran]) -> None:
     content = bundle.read_bytes()
     bundle.write_bytes(content[: int(share * len(content))])

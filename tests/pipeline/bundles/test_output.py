@@ -14,16 +14,25 @@ from pipeline import cli
 Bytes = dict[Path, bytes]
 
 
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory, quick_time_step: None) -> Path:
+    """A site, the folder of its rock, and a bundle of it."""
+    folder = tmp_path_factory.mktemp("once")
+    (folder / "box.yaml").write_text(f"{BOX}{STEP}")
+    words = ["run", "rock", "--site", str(folder / "box.yaml"), "--workers", "0"]
+    assert cli.main([*words, "--derived", str(folder / "derived")]) == cli.DONE
+    shutil.move(folder / "derived" / "box", folder / "F")
+    assert cli.main(["export", str(folder / "F"), "--to", str(folder / "B.zip")]) == cli.DONE
+    shutil.copy(folder / "B.zip", folder / "B.html")
+    (folder / "link.html").symlink_to("F/page.html")
+    return folder
+
+
 @pytest.fixture
-def here(vsr: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder with a site, the folder of its rock, and a bundle of it."""
+def here(once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder: a copy of these."""
+    shutil.copytree(once, tmp_path, symlinks=True, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    Path("box.yaml").write_text(f"{BOX}{STEP}")
-    assert vsr("run", "rock", "--site", "box.yaml", "--workers", "0").code == cli.DONE
-    shutil.move(tmp_path / "derived" / "box", tmp_path / "F")
-    assert vsr("export", "F", "--to", "B.zip").code == cli.DONE
-    shutil.copy("B.zip", "B.html")
-    Path("link.html").symlink_to("F/page.html")
     return tmp_path
 
 

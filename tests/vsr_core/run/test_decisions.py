@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from support import grounds
+from support.suites import slow_but
 
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import barrier
@@ -127,7 +128,7 @@ def through_rests(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("through_rests")
 @pytest.mark.parametrize("reduce", [True, False])
-@pytest.mark.parametrize("name", ROCKS)
+@pytest.mark.parametrize("name", slow_but(["slab on end", "tapered"], ROCKS))
 def test_a_run_is_decided_alike_as_a_whole_and_step_by_step(name: str, reduce: bool) -> None:
     assert stepped_differently(name, 12, reduce=reduce) == []
 

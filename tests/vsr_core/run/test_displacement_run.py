@@ -290,7 +290,7 @@ def test_some_topple_and_some_do_not() -> None:
     assert {known(*cell).response.outcome.overturned for cell in SOME} == {0, 1}
 
 
-@pytest.mark.parametrize(("pga", "ratio", "yaw"), slow_but(SOME[::4], SOME))
+@pytest.mark.parametrize(("pga", "ratio", "yaw"), slow_but(SOME[:1], SOME))
 def test_mirrored_site_and_shaking(pga: float, ratio: float, yaw: float) -> None:
     site = site_of("lump", "perch parts", yaw)
     mirror = np.diag([1.0, -1.0, 1.0])
@@ -298,7 +298,7 @@ def test_mirrored_site_and_shaking(pga: float, ratio: float, yaw: float) -> None
     early(known(pga, ratio, yaw), run(other, pga, ratio), mirror, site.seat.rock.radius)
 
 
-@pytest.mark.parametrize(("pga", "ratio", "yaw"), slow_but(SOME[::4], SOME))
+@pytest.mark.parametrize(("pga", "ratio", "yaw"), slow_but(SOME[4:5], SOME))
 def test_turned_site_and_shaking(pga: float, ratio: float, yaw: float) -> None:
     """The shaking is along -yaw in the site's frame: it turns with the site if yaw goes back."""
     site = site_of("lump", "perch parts", yaw)
@@ -535,7 +535,7 @@ def pushed(rock: str, ground: str) -> DisplacementRun:
     return run(site_of(rock, ground), -0.9, 0.15)
 
 
-@pytest.mark.parametrize(("rock", "ground"), TOPPLING)
+@pytest.mark.parametrize(("rock", "ground"), slow_but(TOPPLING[1:2], TOPPLING))
 def test_samples_of_a_trajectory(rock: str, ground: str) -> None:
     site = site_of(rock, ground)
     path = pushed(rock, ground).trajectory
@@ -1096,7 +1096,7 @@ def test_toppling_is_known_without_following() -> None:
     assert ended == {0, 1}
 
 
-@pytest.mark.parametrize(("friction", "ratio"), [(0.05, 0.4), (0.6, 0.1)])
+@pytest.mark.parametrize(("friction", "ratio"), slow_but([(0.05, 0.4)], [(0.05, 0.4), (0.6, 0.1)]))
 def test_what_goes_through_the_border_has_not_toppled(friction: float, ratio: float) -> None:
     """A rock of which a foot comes over it; on ground that goes on it stands."""
     block, motion = solid.box((0.6, 0.44, 1.1), 2000.0).rock, CosinePulse.from_g(0.9, ratio)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from support.suites import slow_but
 
 from vsr_core import GRAVITY, engines
 from vsr_core.motions.pulses import CosinePulse
@@ -84,7 +85,7 @@ def surrogate() -> Rock:
     return solid.from_mesh(trimesh.Trimesh(*double_rock(), process=False), 2110.0).rock
 
 
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("name", slow_but(["published_setup"], METHODS))
 def test_the_surrogate_rock_topples_above_its_boundary(name: str) -> None:
     """15 % above 0.19 g, which all methods find to 4 %."""
     test = coarsest(name, surrogate(), friction=0.6)

@@ -201,7 +201,7 @@ def test_what_is_not_on_the_way_is_no_motion(away: float, out: slice, tmp_path: 
 
 
 @pytest.mark.parametrize("rate", slow_but([100, 1000], [100, 200, 500, 1000]))
-@pytest.mark.parametrize("share", [0.0, 1e-3, 0.25, 0.29, 1.0])
+@pytest.mark.parametrize("share", slow_but([0.0, 0.29, 1.0], [0.0, 1e-3, 0.25, 0.29, 1.0]))
 def test_one_sample_makes_no_pga(rate: int, share: float, tmp_path: Path) -> None:
     """Any sample, the first and the last ones, too: what passes shakes as hard as all others."""
     time = np.arange(0.0, 4.0 + 0.5 / rate, 1.0 / rate)
@@ -408,7 +408,7 @@ def site(tmp_path: Path, write_site: Callable[..., str]) -> str:
         ("time [s],x [m],yaw [degree]", 0.5, ""),
     ],
 )
-@pytest.mark.parametrize("zero", [0.0, 2.0])
+@pytest.mark.parametrize("zero", slow_but([2.0], [0.0, 2.0]))
 def test_one_motion_at_two_scales_is_refused(
     head: str,
     zero: float,
