@@ -16,13 +16,15 @@ from vsr_core.arrays import Array, Indices, Mask
 
 OUTWARD = 1.25
 """Factor between the PGAs at which a first change is looked for above the last run of a level that
-never topples, and below the first one of a level that topples there."""
+never topples, and below the first one of a level that is not known to stand far below its change.
+"""
 
 ASIDE = 0.1
 """Distance from an unresolved run, as a share of a bracket, within which no other is tried."""
 
 NEAR = 2.0
-"""Factor from the first overturning within which levels are probed."""
+"""Factor from the first overturning within which levels are probed, and below it are run: a grid
+may begin on or above an island of standing runs, below which the rock topples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,14 +186,16 @@ def _beside(known: Known, level: int, lower: float, upper: float) -> float:
 
 
 def _outward(known: Known, bounds: tuple[float, float]) -> list[tuple[Indices, Array]]:
-    """Runs below the levels that topple at their first run, and above those that never do."""
+    """Runs well below the first overturning of levels, and above those that never topple."""
     levels, start = np.unique(known.level, return_index=True)
     lowest, highest = known.pga[start], known.pga[np.append(start[1:], len(known.pga)) - 1]
     runs = known.decided
-    own, first = np.unique(runs.level, return_index=True)
-    at_once = np.isin(levels, own[runs.side[first] == 1])
-    never = np.isin(levels, own) & ~np.isin(levels, runs.level[runs.side == 1])
-    down, up = at_once & (lowest > bounds[0]), never & (highest < bounds[1])
+    fallen, first = np.unique(runs.level[runs.side == 1], return_index=True)
+    falls = np.isin(levels, fallen)
+    far = np.full(len(levels), -np.inf)
+    far[falls] = runs.pga[runs.side == 1][first] / NEAR
+    down = (lowest > far) & falls & (lowest > bounds[0])
+    up = np.isin(levels, runs.level) & ~falls & (highest < bounds[1])
     return [
         (levels[down], np.maximum(lowest[down] / OUTWARD, bounds[0])),
         (levels[up], np.minimum(highest[up] * OUTWARD, bounds[1])),
