@@ -324,10 +324,11 @@ class _Making:
 
 
 def _check_unedited(stage: Stage, own: Identity, job: Job) -> None:
-    """Refuse what was made of files of which some are not those of its key any more."""
+    """Refuse what was made of files, or by code, of which some is not that of its key any more."""
     of_pages = {name: own.facts["inputs"][name] for name in stage.files}
     given = {path: one.digests() for path, one in own.inputs.items() if one is not None}
-    check_same(own, {"inputs": _by_name(given) | of_pages}, job)
+    code = tracing.by_now(own.facts["code"])
+    check_same(own, {"inputs": _by_name(given) | of_pages, "code": code}, job)
 
 
 def check_same(own: Identity, now: dict[str, Any], job: Job) -> None:

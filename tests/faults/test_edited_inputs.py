@@ -109,6 +109,31 @@ def test_a_record_that_is_written_while_it_is_read_makes_nothing(
     assert vsr("run", "motions", "--site", site).code == 0
 
 
+@pytest.mark.parametrize(("line", "code"), [("1", 2), ("# said", 0)])
+def test_code_that_is_edited_while_it_is_at_work_makes_nothing(
+    line: str,
+    code: int,
+    write_site: Callable[..., str],
+    vsr: Callable[..., Ran],
+    derived: Path,
+    code_copy: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Which of both texts made it is not known: a module is imported when a stage needs it."""
+    module, work_of = code_copy / "pipeline/stages/motions/motions.py", graph.work_of
+
+    def work_and_edit(*given: Any) -> Any:
+        module.write_text(module.read_text().replace("\n    return ", f"\n    {line}\n    return "))
+        return work_of(*given)
+
+    monkeypatch.setattr(graph, "work_of", work_and_edit)
+    ran = vsr("run", "motions", "--site", write_site())
+    assert ran.code == code
+    assert ("got code pipeline.stages.motions.motions:" in ran.err) == (code == 2)
+    assert ("command that reads it was at work" in ran.err) == (code == 2)
+    assert (derived / "rock" / "motions.nc").exists() == (code == 0)
+
+
 def test_what_was_saved_for_a_moment_is_not_kept(
     inputs: Path,
     write_site: Callable[..., str],

@@ -56,6 +56,25 @@ def reached(roots: Iterable[str]) -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
+def by_now(names: Iterable[str]) -> dict[str, str]:
+    """Digests of those of some definitions that are still there, by what their files say by now."""
+    parted = [name.partition(":") for name in names]
+    there = {module: _there(module) for module, _, _ in parted}
+    return {
+        f"{module}:{name}": there[module][name][0]
+        for module, _, name in parted
+        if name in there[module]
+    }
+
+
+def _there(module: str) -> dict[str, tuple[str, list[str]]]:
+    """Definitions in the file of a module by now; none where it is gone or no Python."""
+    with suppress(FileNotFoundError, SyntaxError):
+        text, known = _files(ROOT)[module].read_bytes(), _parse(module)
+        return known.definitions if text == known.text else facts_of(module, text).definitions
+    return {}
+
+
 def users(module: str, names: Iterable[str]) -> Iterator[str]:
     """The definitions that mention one of some names, imported from the module that defines it."""
     wanted, line = {f"{module}:{name}" for name in names}, f"from {module} import ".encode()
@@ -94,19 +113,21 @@ class _Module:
     definitions: dict[str, tuple[str, list[str]]]
     imports: dict[str, str]  # local name -> "module" or "module:name"
     parts: dict[str, list[tuple[str, str]]]
+    text: bytes
 
 
 @cache
 def _parse(name: str) -> _Module:
     files = _files(ROOT)
-    read = facts_of(name, files[name].read_bytes())
+    text = files[name].read_bytes()
+    read = facts_of(name, text)
     imports = {}
     for local, module, inner in read.imports:
         if f"{module}.{inner}" in files:
             imports[local] = f"{module}.{inner}"
         elif module in files:
             imports[local] = f"{module}:{inner}" if inner else module
-    return _Module(read.definitions, imports, read.parts)
+    return _Module(read.definitions, imports, read.parts, text)
 
 
 @cache

@@ -161,7 +161,7 @@ def test_the_first_change_is_that_of_the_whole_grid(edges: list[float]) -> None:
 @settings(max_examples=60, deadline=None)
 @given(st.floats(0.05, 4.0))
 def test_the_first_change_is_found_below_an_island_of_standing(start: float) -> None:
-    """That of a block of 0.25 x 0.5 x 1.2 m at 0.2 s, by Housner's equation, wherever one starts."""
+    """That of a block of 0.25 x 0.5 x 1.2 m at 0.2 s, by Housner, wherever one starts."""
     outcome = piecewise([0.242, 0.604, 0.65])
     known, _ = searched(lambda n, p: outcome(p), 1, np.array([start]))
     lower, upper = bisection.first_changes(known, 1)
