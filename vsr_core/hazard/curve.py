@@ -34,8 +34,7 @@ class HazardCurve:
             given = f"{len(self.levels)} levels and {len(self.rates)} rates"
             rule = "a curve has two or more, and a rate for each"
             raise InvalidInput(given, rule, "look at the curve")
-        if not (self.levels[0] > 0.0 and (np.diff(self.levels) > 0.0).all()):
-            raise InvalidInput("levels out of order", "they ascend from above 0", "sort them")
+        _check_levels(self.levels)
         if not ((self.rates > 0.0).all() and np.isfinite(self.rates).all()):
             raise InvalidInput("a rate that is not positive", "rates are above 0", "cut it off")
         rising = np.flatnonzero(np.diff(self.rates) > 0.0)
@@ -72,6 +71,11 @@ class HazardCurve:
         return float(np.exp(np.interp(np.log(rate), y, x, left=np.nan, right=np.nan)))
 
 
+def _check_levels(levels: Array) -> None:
+    if not (np.diff(levels, prepend=0.0) > 0.0).all():
+        raise InvalidInput("levels out of order", "they ascend from above 0", "sort them")
+
+
 def curve_of_probabilities(levels: Array, probabilities: Array, years: float) -> HazardCurve:
     """A curve from probabilities of exceedance in some years, earthquakes being Poissonian.
 
@@ -104,6 +108,7 @@ def curve_of_rates(levels: Array, rates: Array) -> HazardCurve:
     levels : ndarray, shape (n,) [m/s^2]
     rates : ndarray, shape (n,) [1/year]
     """
+    _check_levels(levels)
     number = len(rates)
     while number and rates[number - 1] == 0.0:
         number -= 1

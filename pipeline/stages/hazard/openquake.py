@@ -174,7 +174,7 @@ def load_calculation(path: Path) -> HazardModel:
         poes, lon, lat = (numbers(file[name]) for name in (_STORED, "sitecol/lon", "sitecol/lat"))
         measures = json.loads(attribute(file[_STORED], "json"))["imt"]
         sites, number, of_measures, length = poes.shape
-        if not len(measures) == len(set(measures)) == of_measures:
+        if type(measures) is not list or not len(measures) == len(set(measures)) == of_measures:
             raise ValueError(f"{of_measures} curves of {measures}")
         weights = weights_of(file)
         if len(weights) != number:

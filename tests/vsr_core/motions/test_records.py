@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from scipy.signal import firwin, freqz
+from scipy.signal import firwin, freqz, lsim
 from scipy.signal.windows import tukey
 from support import record_files as files
 
@@ -120,10 +120,21 @@ def test_cosmos_that_breaks_its_word_is_refused() -> None:
         ("a [cm/sec**2]", 0.01),
         ("a_g [m/s2]", 1.0),  # the symbol of Eurocode 8: no g
         ("Sensor_mg [cm/s2]", 0.01),
+        ("ACC_CM_S2", 0.01),
+        ("acc_m_s2", 1.0),
+        ("acc_x m/s^2", 1.0),
+        ("acc cmps2", 0.01),
+        ("acc.x.g", GRAVITY),
+        ("acc g", GRAVITY),
+        ("acc {g}", GRAVITY),
+        ("acc /g", GRAVITY),
+        ("a_g {m/s2}", 1.0),
     ],
 )
 def test_table_with_its_unit_in_the_heading(heading: str, one: float) -> None:
-    found = read(files.csv(VALUES / one, STEP, heading).encode(), ".csv", PLAIN)
+    content = files.csv(VALUES / one, STEP, heading).encode()
+    found = read(content, ".csv", PLAIN)
+    refusal(lambda: read(content, ".csv", Reading(unit="mm/s2")), "motion.unit mm/s2 for a file in")
     assert found.interval == pytest.approx(STEP, rel=1e-12)
     np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6, atol=1e-9)
 
@@ -132,6 +143,13 @@ def test_a_byte_order_mark_is_no_part_of_a_record() -> None:
     plain = files.csv(VALUES, STEP).encode()
     marked = read(codecs.BOM_UTF8 + plain, ".csv", PLAIN)
     assert (marked.acceleration == read(plain, ".csv", PLAIN).acceleration).all()
+
+
+@pytest.mark.parametrize("other", ["vel_g", "disp [m/s2]"])
+def test_what_is_named_a_velocity_is_none_in_a_unit_of_acceleration(other: str) -> None:
+    text = files.csv(VALUES, STEP, "ax").replace("\n", ",7\n").replace("ax,7", f"ax,{other}", 1)
+    assert read_table(text, None, "cm/s2").acceleration[50] == pytest.approx(0.01 * VALUES[50])
+    refusal(lambda: read_table(text, None, None), "along time without a unit of acceleration")
 
 
 def test_table_without_a_unit_needs_one() -> None:
@@ -632,7 +650,7 @@ def test_a_response_has_the_sensitivity_that_it_says_in_each_unit(unit: str) -> 
 
 
 def test_a_response_that_is_zero_within_the_band_is_at_fault() -> None:
-    """The mean of ten samples of 100 a second is nothing of 10 Hz."""
+    """The mean of ten samples of 100 a second is nothing of 10 Hz, which 4020 of them tell."""
     pytest.importorskip("obspy")
     from obspy.core.inventory.response import CoefficientsTypeResponseStage
 
@@ -642,7 +660,7 @@ def test_a_response_that_is_zero_within_the_band_is_at_fault() -> None:
     mean = CoefficientsTypeResponseStage(
         2, 1, 1, *kinds, numerator=[0.1] * 10, denominator=[], **by
     )
-    counts = 1e4 * np.sin(0.05 * np.arange(4000))
+    counts = 1e4 * np.sin(0.05 * np.arange(4004))
     without = "M/S**2", 0.01, slice(400, 400)
     assert np.isfinite(of_counts(counts, *without).acceleration).all()
     refusal(lambda: of_counts(counts, *without, mean), "a response for XX.STA..HNE that is zero")
@@ -651,7 +669,7 @@ def test_a_response_that_is_zero_within_the_band_is_at_fault() -> None:
 def test_upper_corners_end_where_a_digitizers_filter_has_fallen() -> None:
     """To 1e-7, and the last digits of the counts were 500 times the PGA."""
     pytest.importorskip("obspy")
-    from obspy.core.inventory.response import FIRResponseStage, PolesZerosResponseStage
+    from obspy.core.inventory.response import FIRResponseStage
 
     taps, late = firwin(201, 42.0, window=("kaiser", 13.0), fs=200.0), 100 / 200.0
     keys = ("input_sample_rate", "factor", "offset", "delay", "correction")
@@ -677,15 +695,51 @@ def test_upper_corners_end_where_a_digitizers_filter_has_fallen() -> None:
     refusal(lambda: taken(0.05, 0.1, 60.0, 80.0), "end at 80 Hz", "less than 10%")
     refusal(lambda: taken(47.0, 48.9, 49.0, 49.3), "end at 49.3 Hz", "less than 10%")
     refusal(lambda: taken(60.0, 70.0, 80.0, 90.0), "above 70 Hz", "tells up to 50 Hz")
-    # a geophone of 4.5 Hz, of which long periods are asked
-    poles = 9.0 * np.pi * np.exp(1j * np.pi * np.array([0.75, -0.75]))
-    at = 2j * np.pi
-    one = abs((at - poles[0]) * (at - poles[1]) / at**2)
+    # of a geophone, long periods may be asked
+    assert np.isfinite(taken(0.05, 0.1, 25.0, 35.0, stage=geophone(4.5, 0.7))).all()
+
+
+def geophone(hertz: float, damping: float) -> object:
+    """The second stage of its response, which is 1 at 1 Hz."""
+    from obspy.core.inventory.response import PolesZerosResponseStage
+
+    mass = mass_on_spring(hertz, damping)
+    poles, one = [complex(pole) for pole in np.roots(mass)], above_one_hertz(mass)
     laplace = "LAPLACE (RADIANS/SECOND)"
-    geophone = PolesZerosResponseStage(
-        2, 1.0, 1.0, "COUNTS", "COUNTS", laplace, 1.0, [0.0, 0.0], poles.tolist(), one
+    return PolesZerosResponseStage(
+        2, 1.0, 1.0, "COUNTS", "COUNTS", laplace, 1.0, [0.0, 0.0], poles, one
     )
-    assert np.isfinite(taken(0.05, 0.1, 25.0, 35.0, stage=geophone)).all()
+
+
+def mass_on_spring(hertz: float, damping: float) -> list[float]:
+    omega = 2.0 * np.pi * hertz
+    return [1.0, 2.0 * damping * omega, omega**2]
+
+
+def above_one_hertz(mass: list[float]) -> float:
+    """How much more a geophone tells of high frequencies."""
+    return float(abs(np.polyval(mass, 2j * np.pi)) / (2.0 * np.pi) ** 2)
+
+
+@pytest.mark.parametrize("hertz", [4.5, 1.0])
+@pytest.mark.parametrize("till", [30.0, 30.04, 30.08])
+def test_a_geophones_record_cut_in_its_coda_tells_the_pgv(hertz: float, till: float) -> None:
+    """Counts of its mass on a spring. Ends of 10 s made of them up to 12 times the PGV."""
+    pytest.importorskip("obspy")
+    time = 0.001 * np.arange(round(1000 * till))
+    swell, coda = np.exp(-(((time - 8.0) / 2.0) ** 2)), np.tanh((time - 8.0) / 2.0)
+    envelope = swell + 0.025 * (1.0 + coda)
+    changes = -0.5 * (time - 8.0) * swell + 0.0125 * (1.0 - coda**2)
+    omega = 6.0 * np.pi
+    velocity = envelope * np.sin(omega * time)
+    truth = changes * np.sin(omega * time) + omega * envelope * np.cos(omega * time)
+    mass = mass_on_spring(hertz, 0.56)
+    seen = 1e6 * above_one_hertz(mass) * lsim(([1.0, 0.0, 0.0], mass), velocity, time)[1][::10]
+    stage = geophone(hertz, 0.56)
+    found = of_counts(seen, "M/S", 0.01, slice(400, 400), stage).acceleration
+    assert np.abs(found).max() == pytest.approx(truth.max(), rel=0.05)
+    told = 0.01 * np.abs(np.cumsum(found)).max()
+    assert told == pytest.approx(velocity.max(), rel=0.05)
 
 
 @pytest.mark.parametrize("off", [[8e4], [8e4, 8e4], [-32768.0]])

@@ -50,7 +50,9 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
         if np.ptp(whole):  # the taper makes a smooth pulse of what is no sample
             check_samples(whole, f"counts of {trace.stats.channel}", trace.stats.delta)
         line = np.polyval(np.polyfit(places, whole, 1), places)
-        ends = min(math.ceil(1.0 / (corners[1] * trace.stats.delta)), len(whole))
+        displaced = "/" not in str(trace.stats.response.response_stages[0].input_units)
+        lasting = 1.0 / corners[1] if displaced else 2.0 / corners[2]
+        ends = min(max(math.ceil(lasting / trace.stats.delta), 4), len(whole))
         trace.data = _with_ends(whole - line, ends)
         trace.remove_response(output="ACC", water_level=None, pre_filt=corners, taper=False)
         if not np.isfinite(trace.data).all():
@@ -95,7 +97,8 @@ def _check_upper_corners(trace: Any, corners: Corners) -> None:
 def _with_ends(values: Array, number: int) -> Array:
     """Values that begin at zero and end there, by half a cosine before them and one after them.
 
-    A step would ring, and one taken off the values themselves would take shaking with it.
+    A step would ring (also less than four samples do), one taken off the values themselves would
+    take shaking with it, and a slow one is a large wave once divided by a geophone's response.
     """
     rise = 0.5 - 0.5 * np.cos(np.pi * np.arange(number) / number)
     return np.concatenate([values[0] * rise, values, values[-1] * rise[::-1]])

@@ -206,13 +206,14 @@ def tests_in(folder: Path) -> Tests:
         for number, name in _numbered(path, SPECIMEN, cells[0]).items()
         if number in specimens
     }
-    published = {
-        (int(match["specimen"]), f"{match['name']} {match['setting']}"): _flags(
-            path, used, name, _FLAGS
-        )
-        for name in cells[0]
-        if (match := PUBLISHED.fullmatch(name))
-    }
+    published: dict[tuple[int, str], tuple[int, ...]] = {}
+    for name in cells[0]:
+        if match := PUBLISHED.fullmatch(name):
+            key = int(match["specimen"]), f"{match['name']} {match['setting']}"
+            if key in published:
+                rule = f"each specimen has a column of {key[1]}"
+                raise refused(path, name, f"specimen {key[0]} again", rule, "rename or remove one")
+            published[key] = _flags(path, used, name, _FLAGS)
     if there:
         _check_records(folder, {row.test for row in found})
     return Tests(

@@ -145,6 +145,10 @@ DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
     "negative weights": (lambda file: put(file, "weights", [-0.5, 1.5]), "weight: got -0.5"),
     "weights in words": (lambda file: put(file, "weights", [b"a", b"b"]), "individual_rlzs"),
     "a measure twice": (lambda file: named(file, '{"imt": ["PGA", "PGA", "PGV"]}'), "3 curves of"),
+    "measures with numbers": (
+        lambda file: named(file, json.dumps({"imt": dict.fromkeys(LEVELS, 0)})),
+        "3 curves of {",
+    ),
     "a number for measures": (lambda file: named(file, '{"imt": 5}'), "individual_rlzs"),
     "nothing for a measure": (lambda file: named(file, '{"imt": [null]}'), "individual_rlzs"),
     "deep": (lambda file: put(file, "oqparam", "[" * 60_000), "individual_rlzs"),

@@ -320,6 +320,15 @@ def test_rates_that_are_none_are_refused(tmp_path: Path, rates: str, words: str)
         curve_folder.load(nshmp(tmp_path, rates))
 
 
+@pytest.mark.parametrize("levels", ["0.01,0.1,1.0,0.5", "0.01,0.1,1.0,1.00"])
+@pytest.mark.parametrize("rates", ["0.1,0.01,1e-4,1e-3", "0.1,0.01,1e-4,0"])
+def test_levels_out_of_order_are_refused_though_nothing_exceeds_the_last(
+    tmp_path: Path, levels: str, rates: str
+) -> None:
+    with pytest.raises(InputError, match="levels out of order; they ascend"):
+        curve_folder.load(nshmp(tmp_path, rates, levels))
+
+
 def test_levels_that_are_never_exceeded_end_a_curve_and_are_counted(tmp_path: Path) -> None:
     model = curve_folder.load(nshmp(tmp_path, "0.1,0.01,0,0"))
     np.testing.assert_allclose(model.branches[0].pga.rates, [0.1, 0.01])

@@ -223,6 +223,9 @@ def test_a_specimen_has_one_number_however_it_is_written(tmp_path: Path) -> None
     (folder / OUTCOMES).write_text(text.replace("dem_s1_soft", "specimen01"))
     with pytest.raises(InputError, match="specimen01 and specimen1; a specimen has a number"):
         read_tests(folder)
+    (folder / OUTCOMES).write_text(text.replace("specimen1", "dem_s01_soft"))
+    with pytest.raises(InputError, match="dem_s01_soft: got specimen 1 again; each specimen has a"):
+        read_tests(folder)
     (folder / "sp01.ply").write_text("")
     with pytest.raises(InputError, match=r"sp01.ply and sp1.ply; a specimen has a number"):
         read_tests(folder)
