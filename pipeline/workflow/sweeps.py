@@ -17,6 +17,7 @@ from pipeline.config.sweep import GRIDS, Member, Sweep
 from pipeline.workflow import graph
 from pipeline.workflow.datasets import catalogue
 from pipeline.workflow.graph import Identity
+from pipeline.workflow.jobs import check_asked
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.stage import Job, Product, Stage, named
 from pipeline.workflow.store import Store
@@ -69,6 +70,7 @@ def of_job(sweep: Sweep, stage: str, job: Job) -> Swept:
         job.store.check_apart(member.site.read)
         log = partial(_log, job, member)
         jobs[member.place] = replace(job, site=member.site, store=store, log=log)
+        check_asked(stage, jobs[member.place])  # a stage that does not apply has no key
     whole = replace(job, site=sweep.reference.site, store=Store(folder, job.store))
     return Swept(sweep, stage, whole, jobs)
 

@@ -373,6 +373,24 @@ def test_a_sweep_of_what_nothing_uses_is_refused(study: Study) -> None:
         assert f"sweep.scale: got {rule}" in ran.err
 
 
+def test_a_member_of_which_the_product_is_not_made_is_refused(study: Study) -> None:
+    """By each command: one without draws, or without observations, beside one that has some."""
+    tilt = "[{kind: tilt, direction: 0, angle: 10, outcome: stood, sd: 2}]"
+    density = "rock.density: [2000, 2500]"
+    for product, more, dimension, rule in (
+        ("uncertainty", "uncertainty: {members: 0}", density, "rocks are drawn, one a member"),
+        ("uncertainty", "", "uncertainty.members: [4, 0]", "rocks are drawn, one a member"),
+        ("observations", "uncertainty: {members: 4}", density, "by what was observed"),
+        ("observations", "", f"observations: [{tilt}, []]", "by what was observed"),
+    ):
+        (study.folder / "study.yaml").write_text(f"{more}\nsweep:\n  one: {{{dimension}}}\n")
+        for command in ("plan", "why", "status", "run"):
+            ran = study.vsr(command, product, *study.line())
+            assert ran.code == 2, (command, dimension)
+            assert rule in ran.err.splitlines()[-1], (command, dimension)
+    assert not list(study.derived.rglob("*.nc"))
+
+
 @pytest.mark.slow
 def test_a_member_that_becomes_the_site_becomes_the_reference(study: Study) -> None:
     found = []
