@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import Any, TypeVar
 
 from pipeline.config.problems import InputError, Problem, edited_since
-from pipeline.config.slips import IDLE
+from pipeline.config.slips import UNUSED
 from pipeline.config.sweep import GRIDS, Member, Sweep
 from pipeline.workflow import graph
 from pipeline.workflow.datasets import catalogue
@@ -142,15 +143,18 @@ def _wanted(swept: Swept) -> Identity:
 def _refuse_idle(swept: Swept, of: str, keys: dict[str, str]) -> None:
     """Refuse a dimension along which nothing changes of what is compared, by the key of each.
 
-    So is one of settings that the shape of every member has no part for, though keys change.
+    So is one of settings that have no part in any member, though keys change; draws have a
+    restitution of their own.
     """
     members = swept.sweep.members
+    drawn = {"uncertainty", "observations"} & {stage.name for stage in upstream(of)}
     for n, one in enumerate(swept.sweep.parted):
         file, key, given = swept.sweep.file, f"sweep.{one.name}", ", ".join(one.values)
         idle = [
             (rule, remedy, {*keys_of.split()} & one.values.keys())
-            for keys_of, (section, shape), rule, remedy in IDLE
-            if {getattr(m.site.settings, section).shape for m in members} == {shape}
+            for keys_of, (beside, value), rule, remedy in UNUSED
+            if {attrgetter(beside)(m.site.settings) for m in members} == {value}
+            and not (drawn and beside == "contact.restitution")
         ]
         if one.values.keys() <= set().union(*(own for *_, own in idle)):
             rule, remedy, _ = max(idle, key=lambda entry: len(entry[-1]))
