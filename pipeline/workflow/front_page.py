@@ -71,7 +71,8 @@ def renew(derived: Path) -> Path | None:
             _put(page, text)
             written = sha256(text.encode()).hexdigest()
             known = _Known(stamp=now, page=written, facts=facts, seal=digest(facts))
-            _put(derived / KNOWN, known.model_dump_json())
+            with suppress(OSError):  # without it all is read again the next time
+                _put(derived / KNOWN, known.model_dump_json())
         return page
     return None
 

@@ -200,6 +200,12 @@ def test_a_folder_that_cannot_be_written_to_is_no_failure(
     assert not list(results.glob(".part-*"))
 
 
+def test_without_what_was_read_for_it_it_is_written_all_the_same(results: Path) -> None:
+    (results / ".index.json").mkdir()
+    for _ in range(2):
+        assert "A rock&#39;s report" in index(results)
+
+
 @pytest.mark.parametrize("below", ["", "studies/size/1 m"])
 def test_the_way_back_leads_to_the_index(derived: Path, below: str) -> None:
     site = Store(derived / "rock")
