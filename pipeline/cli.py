@@ -10,7 +10,7 @@ import sys
 import traceback
 from pathlib import Path
 
-from pipeline.config.problems import InputError, Problem, Unfinished
+from pipeline.config.problems import STAYS, InputError, Problem, Unfinished
 from pipeline.workflow.command_line import parsed
 from pipeline.workflow.log import begin, complain, is_log, log
 from vsr_core.errors import InvalidInput, reason
@@ -48,7 +48,7 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except KeyboardInterrupt:
-        log("stopped; what was done is kept, and the same command goes on from there")
+        log(f"stopped; {STAYS}")
         return STOPPED
     except Exception as error:  # noqa: BLE001 (the last door: never a traceback on the screen)
         if lacking := _lacking(error):

@@ -23,14 +23,7 @@ from pipeline.inspection.answers import Answer, Comparison, Inspected, Known
 from pipeline.inspection.completion import script
 from pipeline.workflow import front_page, graph, output, writers
 from pipeline.workflow.grammar import form
-from pipeline.workflow.jobs import (
-    check_drawn,
-    check_observed,
-    cluster_of,
-    job_of,
-    others_of,
-    sweep_of,
-)
+from pipeline.workflow.jobs import check_asked, cluster_of, job_of, others_of, sweep_of
 from pipeline.workflow.log import complain, log, show
 from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.registry import BY_NAME
@@ -52,10 +45,7 @@ def made(options: argparse.Namespace) -> tuple[Job, int]:
     sweep, wanted = sweep_of(options), DELIVERABLES[options.product]
     engines.require(wanted.engine)
     job = job_of(options, sweep)
-    if options.product in ("uncertainty", "observations"):
-        check_drawn(job)
-    if options.product == "observations":
-        check_observed(job)
+    check_asked(wanted.stage, job)
     beside = 0
     if options.product == "hazard" and sweep is None:
         for stage, other in others_of(job):

@@ -105,7 +105,7 @@ def plan(product: str, job: Job) -> Plan:
         for name, identity in graph.identities(product, job.site, to_make=False).items()
         if any(graph.why(BY_NAME[name], identity, job.store))
     ]
-    if not {"runs", "displacement_runs"} & {stage.name for stage in upstream(product)}:
+    if not _runs_a_grid(product):
         return Plan(*_where(job), todo)
     with tempfile.TemporaryDirectory() as temporary:
         study = _study(job, Path(temporary))
@@ -120,6 +120,10 @@ def plan(product: str, job: Job) -> Plan:
     off = ["what is proved of shaking along one axis, as there are several"]
     off *= study.settings.simulation.reduce and not one_way
     return Plan(*_where(job), todo, runs, beside, contact, [str(one) for one in dropped], off)
+
+
+def _runs_a_grid(product: str) -> bool:
+    return bool({"runs", "displacement_runs"} & {stage.name for stage in upstream(product)})
 
 
 def _asked(product: str, study: Study) -> tuple[Kind[Any], Wanted[Group]]:
@@ -257,8 +261,8 @@ def _tallied(store: Store, runs: Iterable[Run], kind: Kind[Any]) -> Counter[int]
 
 
 def _runs(job: Job, product: str) -> Stored | None:
-    """Runs that are wanted and stored; None where no key is known yet."""
-    if not isinstance(job.site.settings, Config):
+    """Runs that are wanted and stored; None where there are none, or no key is known yet."""
+    if not (isinstance(job.site.settings, Config) and _runs_a_grid(product)):
         return None
     study = _study(job, None)
     if study is None or any(map(math.isnan, study.steps.steps)):

@@ -262,6 +262,9 @@ def _find(name: str, folder: Path, what: str) -> Path:
         path = located(Path.cwd(), name, f"--{what}", "")
         if path.is_file() and path.stem.strip("."):
             return path
+        if path.exists():
+            given, rule = f"{name}, which is no regular file", "a configuration is in one"
+            raise InputError(Problem(f"--{what}", "", given, rule, "correct the path"))
         raise not_found(f"--{what}", "", name)
     if name in known(folder):
         return folder / f"{name}.yaml"

@@ -76,5 +76,11 @@ def edited_since(file: str, given: str) -> InputError:
     return InputError(Problem(file, "", given, rule, "give the same command again"))
 
 
+STAYS = (
+    "finished stages and the runs in runs.sqlite are kept, and the same command goes on from there"
+)
+"""Of a command that ended early."""
+
+
 class Unfinished(Exception):
-    """Work that something outside ended early; what was done is kept; exit code 1."""
+    """Work that something outside ended early; exit code 1."""

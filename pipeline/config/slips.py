@@ -133,18 +133,41 @@ SLIPS = (
 IDLE = (
     (
         "pedestal.mesh pedestal.cut pedestal.point_on_rock rock.pose",
-        ("pedestal", "flat"),
+        ("pedestal.shape", "flat"),
         "level ground has no part for it",
         "leave it out, or set pedestal.shape: mesh",
     ),
     (
         "rock.mesh rock.scale",
-        ("rock", "box"),
+        ("rock.shape", "box"),
         "a box is as large as rock.size says",
         "leave it out, or set rock.shape: mesh",
     ),
 )
-"""Settings that a shape has no part for: the section that has the shape, and what to tell."""
+"""Settings that have no part beside another: that one, its value, and what to tell."""
+
+UNUSED = (
+    *IDLE,
+    (
+        "pedestal.seat pedestal.fallback rock.contact_shape rock.contact_error",
+        ("pedestal.shape", "flat"),
+        "level ground has no part for it",
+        "sweep it where pedestal.shape is mesh",
+    ),
+    (
+        "rock.fallback rock.closing",
+        ("rock.shape", "box"),
+        "a box is not scanned",
+        "sweep it where rock.shape is mesh",
+    ),
+    (
+        "contact.restitution_law",
+        ("contact.restitution", 0.0),
+        "without restitution no law of it has a part",
+        "sweep it where contact.restitution is above 0",
+    ),
+)
+"""The same for who sweeps them; as they have values where nobody gives any, no site is warned."""
 
 
 OF_TABLES = (
@@ -182,12 +205,13 @@ def _suspected(
 
 
 def _idle(site: Site, settings: dict[str, Any]) -> Iterator[Problem]:
-    for keys, (section, shape), rule, remedy in IDLE:
-        if settings.get(section, {}).get("shape") == shape:
+    for keys, (one, value), rule, remedy in IDLE:
+        section, _, own = one.partition(".")
+        if settings.get(section, {}).get(own) == value:
             for key in keys.split():
                 above, _, name = key.partition(".")
                 given = settings[above].get(name) if above in settings else None
-                over = _is_over(site, f"{section}.shape", key)
+                over = _is_over(site, one, key)
                 if given not in (None, 1.0) and not over:  # the scale of a file in metres
                     yield Problem(site.file_of(key), key, str(given), rule, remedy)
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from pipeline.config.problems import InputError, Problem, Unfinished
+from pipeline.config.problems import STAYS, InputError, Problem, Unfinished
 from pipeline.workflow import provenance, workers
 from pipeline.workflow.log import complain
 from pipeline.workflow.provenance import Provenance
@@ -147,8 +147,7 @@ class Dispatch:
         return sum(threads) if self.together else len(threads), len(self._flying)
 
 
-LOST = "the scheduler cannot be reached any more; what was done is kept, and the same command goes \
-on from there"
+LOST = f"the scheduler cannot be reached any more; {STAYS}"
 
 
 class _Room:
@@ -179,7 +178,7 @@ class _Room:
         complain(
             f"vsr: warning: no worker for {LONELY / 60:.0f} minutes; {waiting} batches wait for "
             f"one: see to your jobs, or start one with `dask worker {address} --nthreads 1`; "
-            "Ctrl-C stops, and what was done is kept"
+            f"Ctrl-C stops; {STAYS}"
         )
 
 

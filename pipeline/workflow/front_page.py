@@ -25,6 +25,9 @@ MARK = b"/* Index of results, written by vsr. */"
 _LARGEST = 256 * 1024**2
 """Bytes of an index: of thousands of pages with a small picture each."""
 
+DATA = (".nc", ".csv", ".png", ".pdf", ".svg")
+"""Endings of what an index leads to beside pages."""
+
 DEEPEST = 4
 """Folders below that of the results in which products are: a member of a study of a site."""
 
@@ -58,10 +61,8 @@ def renew(derived: Path) -> Path | None:
             given, rule = "a page of another kind", "an index of results would take its place"
             remedy = "give it another name, or give another folder with --derived"
             raise InputError(Problem(str(page), "", given, rule, remedy))
-        stamp = digest(
-            [ascii(path.relative_to(derived)) + _stamp(path) for path in manifests(folders)]
-        )
-        if known.stamp != stamp or known.page != sha256(stands).hexdigest():
+        now = digest([ascii(path.relative_to(derived)) + stamp(path) for path in _shown(folders)])
+        if known.stamp != now or known.page != sha256(stands).hexdigest():
             text, facts, left_out = named("pipeline.workflow.front_page_text:text")(
                 derived, folders, known.facts
             )
@@ -69,8 +70,9 @@ def renew(derived: Path) -> Path | None:
                 complain(f"vsr: warning: index: {one} cannot be read and is left out")
             _put(page, text)
             written = sha256(text.encode()).hexdigest()
-            known = _Known(stamp=stamp, page=written, facts=facts, seal=digest(facts))
-            _put(derived / KNOWN, known.model_dump_json())
+            known = _Known(stamp=now, page=written, facts=facts, seal=digest(facts))
+            with suppress(OSError):  # without it all is read again the next time
+                _put(derived / KNOWN, known.model_dump_json())
         return page
     return None
 
@@ -86,13 +88,14 @@ def product_folders(derived: Path) -> Iterator[Path]:
             yield folder
 
 
-def manifests(folders: list[Path]) -> list[Path]:
-    """Files that tell what was made, and whether it has a verdict."""
-    found = (path for folder in folders for path in sorted((folder / ".stages").glob("*.json")))
-    return [path for path in found if path.is_file()]
+def _shown(folders: list[Path]) -> list[Path]:
+    """Files that decide what an index says: pages, data, and what tells how they were made."""
+    every = (one for folder in folders for part in ("*", "*/*") for one in folder.glob(part))
+    return sorted(one for one in every if one.suffix in (".json", ".html", *DATA) and one.is_file())
 
 
-def _stamp(path: Path) -> str:
+def stamp(path: Path) -> str:
+    """What tells a file from another of its name."""
     state = path.stat()
     return f" {state.st_mtime_ns} {state.st_size}"
 

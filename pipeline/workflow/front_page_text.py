@@ -7,7 +7,7 @@ import html
 import io
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -19,6 +19,7 @@ from PIL import Image
 from pipeline.config.outside import check_file, check_heaps, content
 from pipeline.config.problems import printable
 from pipeline.workflow import pages
+from pipeline.workflow.front_page import DATA, stamp
 from pipeline.workflow.products import DELIVERABLES
 from pipeline.workflow.store import read_manifest
 
@@ -33,7 +34,6 @@ _TAG = re.compile(r"<[^<>]+>")
 """Each looks no farther than the next tag, so that a page is read in a time like its length."""
 
 _LARGEST_DRAWING = 150_000
-_DATA = (".nc", ".csv", ".png", ".pdf", ".svg")
 
 Facts = dict[str, Any]
 Known = dict[str, dict[str, str]]
@@ -55,7 +55,7 @@ def text(derived: Path, folders: list[Path], known: Known) -> tuple[str, Known, 
     Parameters
     ----------
     folders : list of Path, with products, each before those below it
-    known : dict, what was read the last time, by path and checksum
+    known : dict, what was read the last time, by path and stamp
     """
     reader = _Reader(derived, known)
     sites: dict[str, list[Facts]] = {}
@@ -84,7 +84,7 @@ class _Reader:
 
     Attributes
     ----------
-    read : dict, facts of files by path and checksum
+    read : dict, facts of files by path and stamp
     left_out : list of str, relative to the folder of all results
     """
 
@@ -100,14 +100,15 @@ class _Reader:
             for path in sorted((folder / ".stages").glob("*.json"))
             if (manifest := self._taken(path, read_manifest)) is not None
         ]
-        made = {name: sum_ for one in manifests for name, sum_ in one["files"].items()}
+        made = {name for one in manifests for name in one["files"]}
         stale = {
             name: one["stale"] for one in manifests if one.get("stale") for name in one["files"]
         }
-        shown: list[Facts] = []
-        for name, checksum in _in_order({n: s for n, s in made.items() if n.endswith(".html")}):
-            if (facts := self._facts(folder / name, checksum, _page)) is not None:
-                shown.append({"name": name, "href": self._href(folder / name), **facts})
+        shown = [
+            {"name": name, "href": self._href(folder / name), **facts}
+            for name in _in_order(name for name in made if name.endswith(".html"))
+            if (facts := self._facts(folder / name, _page)) is not None
+        ]
         entry = {
             "name": " / ".join(folder.relative_to(self._derived).parts),
             "pages": shown,
@@ -115,7 +116,7 @@ class _Reader:
             "data": [
                 {"name": name, "href": self._href(folder / name), "stale": name in stale}
                 for name in sorted(made)
-                if name.endswith(_DATA) and (folder / name).is_file()
+                if name.endswith(DATA) and (folder / name).is_file()
             ],
             "undecided": max((one["unresolved"] for one in manifests), default=0),
             "source": "",
@@ -126,15 +127,15 @@ class _Reader:
             entry["inputs"] = _day(folder / "config.yaml")
         for name, take in (("rock.nc", _source), ("responses.nc", _error)):
             if name in made:
-                entry |= self._facts(folder / name, made[name], take) or {}
+                entry |= self._facts(folder / name, take) or {}
         return entry
 
-    def _facts(
-        self, path: Path, checksum: str, take: Callable[[Path], dict[str, str]]
-    ) -> dict[str, str] | None:
-        """Facts of a file, as they are known, or read anew."""
-        key = f"{path.relative_to(self._derived)} {checksum}"
-        found = self._known.get(key) or (self._taken(path, take) if path.exists() else None)
+    def _facts(self, path: Path, take: Callable[[Path], dict[str, str]]) -> dict[str, str] | None:
+        """Facts of a file that is there, as they are known, or read anew."""
+        if not path.exists():
+            return None
+        key = str(path.relative_to(self._derived)) + stamp(path)
+        found = self._known.get(key) or self._taken(path, take)
         if found is not None:
             self.read[key] = found
         return found
@@ -153,11 +154,11 @@ class _Reader:
         return quote(path.relative_to(self._derived).as_posix())
 
 
-def _in_order(made: dict[str, str]) -> list[tuple[str, str]]:
+def _in_order(names: Iterable[str]) -> list[str]:
     """Pages in the order in which their products are listed, others after them."""
     shown = [name for product in DELIVERABLES.values() for name in product.shown]
     rank = {name: place for place, name in reversed(list(enumerate(shown)))}
-    return sorted(made.items(), key=lambda item: (rank.get(item[0], len(shown)), item[0]))
+    return sorted(names, key=lambda name: (rank.get(name, len(shown)), name))
 
 
 def _page(path: Path) -> dict[str, str]:

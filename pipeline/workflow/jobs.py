@@ -23,8 +23,15 @@ from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import Store
 
 
-def check_drawn(job: Job) -> None:
-    """Refuse an ensemble where nothing is drawn."""
+def check_asked(stage: str, job: Job) -> None:
+    """Refuse an ensemble where nothing is drawn, and observations where there are none."""
+    if stage in ("uncertainty", "observations"):
+        _check_drawn(job)
+    if stage == "observations":
+        _check_observed(job)
+
+
+def _check_drawn(job: Job) -> None:
     if job.config.uncertain:
         return
     if job.config.on_own_ground:
@@ -36,8 +43,7 @@ def check_drawn(job: Job) -> None:
     raise InputError(Problem(job.site.file_of(key), key, given, rule, remedy))
 
 
-def check_observed(job: Job) -> None:
-    """Refuse a page of observations where there are none."""
+def _check_observed(job: Job) -> None:
     if not job.config.observed:
         rule, remedy = "draws are weighed by what was observed", "give one, such as a tilt test"
         file = job.site.file_of("observations")

@@ -9,14 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import Any, TypeVar
 
 from pipeline.config.problems import InputError, Problem, edited_since
-from pipeline.config.slips import IDLE
+from pipeline.config.slips import UNUSED
 from pipeline.config.sweep import GRIDS, Member, Sweep
 from pipeline.workflow import graph
 from pipeline.workflow.datasets import catalogue
 from pipeline.workflow.graph import Identity
+from pipeline.workflow.jobs import check_asked
 from pipeline.workflow.registry import BY_NAME, upstream
 from pipeline.workflow.stage import Job, Product, Stage, named
 from pipeline.workflow.store import Store
@@ -69,6 +71,7 @@ def of_job(sweep: Sweep, stage: str, job: Job) -> Swept:
         job.store.check_apart(member.site.read)
         log = partial(_log, job, member)
         jobs[member.place] = replace(job, site=member.site, store=store, log=log)
+        check_asked(stage, jobs[member.place])  # a stage that does not apply has no key
     whole = replace(job, site=sweep.reference.site, store=Store(folder, job.store))
     return Swept(sweep, stage, whole, jobs)
 
@@ -140,15 +143,18 @@ def _wanted(swept: Swept) -> Identity:
 def _refuse_idle(swept: Swept, of: str, keys: dict[str, str]) -> None:
     """Refuse a dimension along which nothing changes of what is compared, by the key of each.
 
-    So is one of settings that the shape of every member has no part for, though keys change.
+    So is one of settings that have no part in any member, though keys change; draws have a
+    restitution of their own.
     """
     members = swept.sweep.members
+    drawn = {"uncertainty", "observations"} & {stage.name for stage in upstream(of)}
     for n, one in enumerate(swept.sweep.parted):
         file, key, given = swept.sweep.file, f"sweep.{one.name}", ", ".join(one.values)
         idle = [
             (rule, remedy, {*keys_of.split()} & one.values.keys())
-            for keys_of, (section, shape), rule, remedy in IDLE
-            if {getattr(m.site.settings, section).shape for m in members} == {shape}
+            for keys_of, (beside, value), rule, remedy in UNUSED
+            if {attrgetter(beside)(m.site.settings) for m in members} == {value}
+            and not (drawn and beside == "contact.restitution")
         ]
         if one.values.keys() <= set().union(*(own for *_, own in idle)):
             rule, remedy, _ = max(idle, key=lambda entry: len(entry[-1]))

@@ -374,7 +374,7 @@ def test_stopped_while_a_scan_is_cut(tmp_path: Path, how: signal.Signals) -> Non
     time.sleep(2.0)  # until trimesh is loaded, which takes a stop for a library that is not there
     code, said, took = stop(process, how)
     assert code in (cli.STOPPED, -how)  # Python ends by SIGINT where that met it in an import
-    assert said.splitlines()[-1].startswith("stopped; what was done is kept")
+    assert said.splitlines()[-1].startswith("stopped; finished stages and the runs in runs.sqlite")
     assert "Traceback" not in said
     assert took < 5.0
     assert not list(tmp_path.rglob(".part-*"))
@@ -415,7 +415,7 @@ def test_stopped_while_workers_start(tmp_path: Path, delay: float) -> None:
     time.sleep(delay)
     code, said, _ = stop(process, signal.SIGINT)
     assert code in (cli.STOPPED, -signal.SIGINT)
-    assert said.splitlines()[-1].startswith("stopped; what was done is kept")
+    assert said.splitlines()[-1].startswith("stopped; finished stages and the runs in runs.sqlite")
     assert "Traceback" not in said
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -171,7 +172,13 @@ def test_site_file_that_cannot_be_one(tmp_path: Path, refused: Refused) -> None:
     refused("plan", "--site", loop / "in.yaml", words=("in.yaml", "path"))
     device = tmp_path / "device.yaml"
     device.symlink_to("/dev/zero")
-    refused("plan", "--site", device, words=("device.yaml", "file not found"))
+    refused("plan", "--site", device, words=("device.yaml", "is no regular file"))
+    os.mkfifo(tmp_path / "pipe.yaml")
+    study = ("--site", "cuboid_1x1x2", "--study", tmp_path / "pipe.yaml")
+    refused("plan", *study, words=("--study", "pipe.yaml", "is no regular file"))
+    table = ("plan", "validation", "--table")
+    refused(*table, tmp_path / "pipe.yaml", words=("pipe.yaml", "no folder"))
+    refused(*table, tmp_path / "tests", words=("--table", "file not found"))
 
 
 SOME = settings(

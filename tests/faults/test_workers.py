@@ -400,7 +400,7 @@ def test_room_follows_workers_that_come_later(farm: Farm, monkeypatch: pytest.Mo
     assert most > 2 * BATCHES_IN_FLIGHT
     lonely = [line for line in said if "no worker" in line]
     assert f"dask worker {farm.address}" in lonely[0]
-    assert "what was done is kept" in lonely[0]
+    assert "the runs in runs.sqlite are kept" in lonely[0]
 
 
 @pytest.mark.parametrize(

@@ -79,6 +79,10 @@ def test_before_between_and_after(
     said = vsr("why", "--site", site).out.splitlines()
     assert "rock: up to date" in said
     assert "motions: up to date" not in said
+    assert "runs: 0 of 12 are stored and stay; 12 to do" in said
+    for product in ("rock", "accuracy", "drive"):  # which do none of them
+        for ask in ("why", "status"):
+            assert "stored" not in vsr(ask, product, "--site", site).out
 
     assert vsr("run", "responses", "--site", site, "--workers", "0").code == 0
     assert "12 of 12 runs stored" in vsr("status", "responses", "--site", site).out

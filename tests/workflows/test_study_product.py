@@ -16,6 +16,7 @@ import xarray as xr
 from conftest import Ran
 from matplotlib.figure import Figure
 
+from pipeline.config.slips import IDLE, UNUSED
 from pipeline.workflow.run_store import RUNS
 from tests.support import record_files
 
@@ -362,15 +363,84 @@ def test_a_sweep_of_what_nothing_uses_is_refused(study: Study) -> None:
         ran = study.vsr("plan", product, *study.line())
         assert ran.code == 2
         assert "sweep.inset: got uncertainty.inset; fragility does not depend on it" in ran.err
+    law = "contact.restitution_law: [newton, energetic]"
     both = "rock.scale: [1.0, 2.0], pedestal.point_on_rock: [[0, 0, 1], [0, 0, 2]]"
     for keys, rule in (
         ("rock.scale: [1.0, 2.0]", "rock.scale; a box is as large as rock.size says"),
         (both, "rock.scale, pedestal.point_on_rock; level ground has no part for it"),
+        ("pedestal.seat: [rim, whole]", "pedestal.seat; level ground has no part for it"),
+        ("rock.closing: [caps, hull]", "rock.closing; a box is not scanned"),
+        (law, "contact.restitution_law; without restitution no law of it has a part"),
     ):
         (study.folder / "study.yaml").write_text(f"yaw: 0\nsweep:\n  scale: {{{keys}}}\n")
         ran = study.vsr("plan", *study.line())
         assert ran.code == 2
         assert f"sweep.scale: got {rule}" in ran.err
+
+
+def test_laws_of_restitution_are_swept_where_something_rebounds(study: Study) -> None:
+    """By restitution of the site, by that of draws, and in another dimension."""
+    text = "yaw: 0\nsweep:\n  law: {contact.restitution_law: [newton, energetic]}\n"
+    (study.folder / "study.yaml").write_text(text)
+    assert study.vsr("plan", *study.line()).code == 2
+    assert study.vsr("plan", *study.line(), "--set", "contact.restitution=0.2").code == 0
+    assert study.vsr("plan", "uncertainty", *study.line()).code == 0
+    with (study.folder / "study.yaml").open("a") as file:
+        file.write("  bounce: {contact.restitution: [0.0, 0.2]}\n")
+    assert study.vsr("plan", *study.line()).code == 0
+
+
+UNUSED_BY = {
+    "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}": {
+        "rock.closing": "hull",
+        "rock.fallback": "granite_dells",
+        "contact.restitution_law": "energetic",
+    },
+    "rock: {shape: mesh, mesh: post.ply, density: 2110}": {
+        "pedestal.seat": "whole",
+        "pedestal.fallback": "sine_hills",
+        "rock.contact_shape": "pieces",
+        "rock.contact_error": "0.2",
+    },
+}
+
+
+@pytest.mark.parametrize("rock", UNUSED_BY, ids=("box", "scan"))
+def test_what_cannot_be_swept_changes_nothing(study: Study, tmp_path: Path, rock: str) -> None:
+    trimesh.creation.cylinder(0.3, 2.0, 8).export(study.folder / "post.ply")
+    Path(study.site).write_text(SITE.replace(SITE.splitlines()[0], rock))
+    line, found = ("--site", study.site, "--workers", "0"), []
+    keys = [f"--set={key}={value}" for key, value in UNUSED_BY[rock].items()]
+    for name, settings in (("as given", ()), ("set", keys)):
+        ran = study.vsr("run", "responses", *line, *settings, into=tmp_path / name)
+        assert ran.code == 0, ran.err
+        assert "warning" not in ran.err
+        found.append(xr.load_dataset(tmp_path / name / "rock" / "responses.nc"))
+    assert len(np.unique(found[0]["overturned"])) == 2
+    assert found[0].equals(found[1])
+
+
+def test_every_key_that_is_refused_so_was_tried() -> None:
+    refused = {key for keys, *_ in UNUSED[len(IDLE) :] for key in keys.split()}
+    assert refused == set().union(*UNUSED_BY.values())
+
+
+def test_a_member_of_which_the_product_is_not_made_is_refused(study: Study) -> None:
+    """By each command: one without draws, or without observations, beside one that has some."""
+    tilt = "[{kind: tilt, direction: 0, angle: 10, outcome: stood, sd: 2}]"
+    density = "rock.density: [2000, 2500]"
+    for product, more, dimension, rule in (
+        ("uncertainty", "uncertainty: {members: 0}", density, "rocks are drawn, one a member"),
+        ("uncertainty", "", "uncertainty.members: [4, 0]", "rocks are drawn, one a member"),
+        ("observations", "uncertainty: {members: 4}", density, "by what was observed"),
+        ("observations", "", f"observations: [{tilt}, []]", "by what was observed"),
+    ):
+        (study.folder / "study.yaml").write_text(f"{more}\nsweep:\n  one: {{{dimension}}}\n")
+        for command in ("plan", "why", "status", "run"):
+            ran = study.vsr(command, product, *study.line())
+            assert ran.code == 2, (command, dimension)
+            assert rule in ran.err.splitlines()[-1], (command, dimension)
+    assert not list(study.derived.rglob("*.nc"))
 
 
 @pytest.mark.slow

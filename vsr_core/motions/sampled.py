@@ -141,7 +141,7 @@ def sampled(time: Array, samples: Array) -> SampledMotion:
 
 def _check_magnitudes(steps: Array, samples: Array) -> None:
     """Times and ways must be those of a table, in seconds, metres and radians."""
-    if not (steps.min() >= SHORTEST_STEP and steps.max() <= LONGEST_STEP):
+    if not (steps.min() >= 0.999 * SHORTEST_STEP and steps.max() <= LONGEST_STEP):
         given = f"time steps of {steps.min():.3g} to {steps.max():.3g} s"
         rule = f"they are from {SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
         raise InvalidInput(given, rule, "correct the unit, e.g. time [ms]")

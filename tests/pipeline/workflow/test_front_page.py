@@ -111,6 +111,23 @@ def test_it_is_written_when_something_changed_and_only_then(results: Path) -> No
     assert "Another" in index(results)
 
 
+def test_it_shows_what_is_there(results: Path) -> None:
+    """Not what was: a page, a replay and a dataset that are gone, or another in its place."""
+    for site in ("lost", "replaced"):
+        texts = {"report.html": page(f"Of {site}"), "replays/one.html": page(f"Run of {site}")}
+        publish(Store(results / site), "report", texts | {"fragility.csv": "a"})
+    assert "Run of lost" in index(results)
+    for name in ("report.html", "replays/one.html", "fragility.csv"):
+        (results / "lost" / name).unlink()
+        text = index(results)
+        assert f"lost/{name}" not in text
+        assert f"replaced/{name}" in text
+    (results / "replaced" / "report.html").write_text("junk")
+    text = index(results)
+    assert "Of replaced" not in text
+    assert "Run of replaced" in text
+
+
 def test_without_products_there_is_none(results: Path) -> None:
     index(results)
     for folder in list(front_page.product_folders(results)):
@@ -181,6 +198,12 @@ def test_a_folder_that_cannot_be_written_to_is_no_failure(
     monkeypatch.setattr(os, "fsync", no_room)
     assert front_page.renew(results) is None
     assert not list(results.glob(".part-*"))
+
+
+def test_without_what_was_read_for_it_it_is_written_all_the_same(results: Path) -> None:
+    (results / ".index.json").mkdir()
+    for _ in range(2):
+        assert "A rock&#39;s report" in index(results)
 
 
 @pytest.mark.parametrize("below", ["", "studies/size/1 m"])

@@ -237,6 +237,16 @@ def test_times_that_are_in_no_seconds_are_refused(many: float) -> None:
     assert read(sac(delta=float(rare)), ".sac", Reading(unit="m/s2")).interval == rare
 
 
+@pytest.mark.parametrize("start", [0, 5])
+def test_the_shortest_steps_are_taken_however_they_are_rounded(start: int) -> None:
+    def of(step: float) -> str:
+        lines = [f"{start + step * place:.9f},{value}" for place, value in enumerate(VALUES)]
+        return "\n".join(["time,a [m/s2]", *lines])
+
+    assert read_table(of(1e-6), None, None).interval == pytest.approx(1e-6, rel=1e-9)
+    refusal(lambda: read_table(of(9e-7), None, None), "time steps of 9e-07 s", "from 1e-06")
+
+
 def test_uneven_steps_are_refused_and_left_out_ones_are_gaps() -> None:
     lines = files.csv(VALUES, STEP).splitlines()
     late = [*lines[:50], lines[50].replace(",", "4,"), *lines[51:]]

@@ -179,6 +179,16 @@ def test_a_sampled_motion_rests_outside_and_keeps_its_last_place() -> None:
     assert not motion.derivative(outside, 2).any()
 
 
+def test_the_shortest_steps_are_taken_however_they_are_rounded() -> None:
+    samples = np.zeros((101, 6))
+    samples[:, 0] = 1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, 101))
+    time = 1e-6 * np.arange(101)
+    assert np.diff(time).min() < 1e-6
+    np.testing.assert_allclose(sampled(time, samples).time, time, rtol=1e-9)
+    with pytest.raises(InvalidInput, match="from 1e-06"):
+        sampled(0.9 * time, samples)
+
+
 def test_scaling_scales_every_axis() -> None:
     time, samples = cosine_samples(100.0, on_axis("y", 2.0, 0.2))
     motion = sampled(time, samples)

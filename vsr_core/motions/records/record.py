@@ -184,7 +184,7 @@ def check_sampling(interval: float, number: float) -> None:
     InvalidInput
         If the steps or the number are beyond any instrument's.
     """
-    if not SHORTEST_INTERVAL <= interval <= 1.001 * LONGEST_INTERVAL:  # of few digits, or slow
+    if not 0.999 * SHORTEST_INTERVAL <= interval <= 1.001 * LONGEST_INTERVAL:  # rounded, or slow
         given = f"time steps of {interval:.4g} s"
         rule = f"they are from {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s"
         remedy = "are the times in seconds, not in samples? correct them, or leave the channel out"

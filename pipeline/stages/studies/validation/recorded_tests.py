@@ -123,8 +123,10 @@ class Tests:
 def site_of(folder: Path) -> Site:
     """A site for the tests in a folder, so that its products have their place."""
     folder = located(Path.cwd(), str(folder), "--table", "")
-    if not folder.is_dir():
+    if not folder.exists():
         raise not_found("--table", "", shown(folder))
+    if not folder.is_dir():
+        raise refused(folder, "", "no folder", "tests are in one", "correct the path")
     if not (folder / OUTCOMES).is_file():
         raise refused(folder / OUTCOMES, "", "", "file not found", "put it there")
     if not scans_in(folder):
