@@ -191,10 +191,9 @@ def _outward(known: Known, bounds: tuple[float, float]) -> list[tuple[Indices, A
     lowest, highest = known.pga[start], known.pga[np.append(start[1:], len(known.pga)) - 1]
     runs = known.decided
     fallen, first = np.unique(runs.level[runs.side == 1], return_index=True)
-    falls = np.isin(levels, fallen)
-    far = np.full(len(levels), -np.inf)
+    falls, far = np.isin(levels, fallen), np.full(len(levels), np.inf)
     far[falls] = runs.pga[runs.side == 1][first] / NEAR
-    down = (lowest > far) & falls & (lowest > bounds[0])
+    down = lowest > np.maximum(far, bounds[0])
     up = np.isin(levels, runs.level) & ~falls & (highest < bounds[1])
     return [
         (levels[down], np.maximum(lowest[down] / OUTWARD, bounds[0])),
