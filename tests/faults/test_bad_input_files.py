@@ -252,9 +252,7 @@ def test_record_is_refused(tmp_path: Path, name: str) -> None:
         read_record(tmp_path / name)
 
 
-@pytest.mark.parametrize(
-    "much", [" " * 60_000, " [" * 30_000, "[)" * 30_000, "[" * 60_000 + ")", "a_" * 60_000]
-)
+@pytest.mark.parametrize("much", [" " * 60_000, " [" * 30_000, "[)" * 30_000, "[" * 60_000 + ")"])
 @pytest.mark.parametrize("separator", [",", " "])
 def test_names_of_columns_are_read_at_once(much: str, separator: str) -> None:
     """60,000 blanks in one took half a minute."""

@@ -52,9 +52,7 @@ def _by_suffix(column: Column) -> Column:
     >>> _by_suffix(Column("ACC_CM_S2", None, np.zeros(2)))[:2]
     ('ACC', 'CM/S2')
     """
-    if column.unit is not None:
-        return column
-    for mark in list(_MARKS.finditer(column.name))[-3:]:  # no unit has more words
+    for mark in _MARKS.finditer(column.name) if column.unit is None else ():
         head, unit = column.name[: mark.start()], column.name[mark.end() :].rstrip("} ")
         if head and is_acceleration(unit := unit.replace("_", "/")):
             return Column(head, unit, column.values)
