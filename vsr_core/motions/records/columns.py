@@ -43,20 +43,11 @@ def read_table(text: str, component: str | None, unit: str | None) -> Record:
     return on_times(times[0], others, component, unit, source="table of columns")
 
 
-_MARKS = re.compile(r"[\s_/{:.-]+")
-
-
 def _by_suffix(column: Column) -> Column:
-    """The column with the unit that ends its name, as in ``acc_g``, if it states no other.
-
-    >>> _by_suffix(Column("ACC_CM_S2", None, np.zeros(2)))[:2]
-    ('ACC', 'CM/S2')
-    """
-    for mark in _MARKS.finditer(column.name) if column.unit is None else ():
-        head, unit = column.name[: mark.start()], column.name[mark.end() :].rstrip("} ")
-        if head and is_acceleration(unit := unit.replace("_", "/")):
-            return Column(head, unit, column.values)
-    return column
+    """The column with the unit that ends its name, as in ``acc_g``, if it states no other."""
+    head, mark, tail = column.name.rpartition("_")
+    ends = mark and column.unit is None and is_acceleration(tail)
+    return Column(head, tail, column.values) if ends else column
 
 
 MAGIC = (b"CDF", b"\x89HDF")
@@ -160,10 +151,9 @@ def _wanted(columns: list[Column], component: str | None, unit: str | None) -> l
     bare = [one for one in columns if one.unit is None or is_raw(one.unit)]
     if len(columns) == len(bare) == 1 and not _OTHER.match(bare[0].name):
         return columns
-    likely = [column for column in columns if not _OTHER.match(column.name)]
-    accelerations = [column for column in likely if is_acceleration(column.unit or "")]
+    accelerations = [column for column in columns if is_acceleration(column.unit or "")]
     if unit is not None and not accelerations:
-        accelerations = [column for column in likely if column.unit is None]
+        accelerations = [one for one in columns if one.unit is None and not _OTHER.match(one.name)]
     if not accelerations:
         given = f"{listed} along time without a unit of acceleration"
         rule = "one of them is the acceleration, with units such as m s-2"

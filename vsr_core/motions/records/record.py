@@ -16,9 +16,9 @@ from vsr_core.motions.named_columns import MOST_SAMPLES
 from vsr_core.motions.records.trace import Trace
 
 _FACTORS = {
-    1.0: ("m/s2", "m/s/s", "ms-2", "ms2", "mps2", "m*s-2", "meter/second2"),
-    0.01: ("cm/s2", "cm/s/s", "cms-2", "cms2", "cmps2", "cm*s-2", "gal", "gals"),
-    0.001: ("mm/s2", "mm/s/s", "mms-2", "mms2", "mm*s-2"),
+    1.0: ("m/s2", "m/s/s", "ms-2", "m*s-2", "meter/second2"),
+    0.01: ("cm/s2", "cm/s/s", "cms-2", "cm*s-2", "gal", "gals"),
+    0.001: ("mm/s2", "mm/s/s", "mms-2", "mm*s-2"),
     GRAVITY: ("g", "standard_gravity"),
     0.001 * GRAVITY: ("mg",),
 }
