@@ -195,14 +195,12 @@ def is_comment(line: str) -> bool:
 
 
 _HIDDEN = re.compile(r'[\s"]*#[^\s,]').match
-_HAS_NUMBER = re.compile(r",\s*[-+]?\.?\d[\d.eE+-]*\s*(?:,|$)").search
 
 
 def check_comments(path: Path, lines: str, names: Sequence[str]) -> None:
-    """Refuse a comment that looks like a row, by its fields or a number: its name begins with #."""
+    """Refuse a comment that looks like a row: one whose name begins with #."""
     for line in filter(_HIDDEN, lines_of(lines)):
-        of_row = line.count(",") == len(names) - 1 > 0  # one number has no name
-        if is_comment(line) and (of_row or _HAS_NUMBER(line)):
+        if is_comment(line) and line.count(",") == len(names) - 1 > 0:  # one number has no name
             given = f"{line[:40]!r}, a row or a comment"
             remedy = "put a name that begins with # in quotes, or a blank behind the # of a comment"
             raise refused(path, names[0], given, "it is one of them", remedy)
