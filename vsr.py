@@ -33,9 +33,12 @@ from pipeline.workflow.jobs import job_of
 from pipeline.workflow.keys import digest
 from pipeline.workflow.log import complain
 from pipeline.workflow.products import DELIVERABLES
+from vsr_core.source import tracing
 
 if TYPE_CHECKING:
     import xarray as xr
+
+tracing.texts()  # what is edited later is not what is imported here
 
 Settings = Mapping[str, Any]
 """Keys of the configuration, as in a site's YAML."""

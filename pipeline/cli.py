@@ -32,6 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
         _check_current_folder()
         options = parsed(arguments)
         _begin_log(options)
+        importlib.import_module("vsr_core.source.tracing").texts()  # before what they define
         commands = importlib.import_module("pipeline.commands").COMMANDS
         unresolved = commands[options.verb](options)
         if options.verb in MAKING:

@@ -224,6 +224,7 @@ def forget_code() -> None:
     """Digests of code are kept for the life of a process; drop them after an edit."""
     tracing._definition.cache_clear()
     tracing._parse.cache_clear()
+    tracing._texts.cache_clear()
 
 
 @pytest.fixture

@@ -73,7 +73,8 @@ def not_found(file: str, key: str, path: object) -> InputError:
 def edited_since(file: str, given: str) -> InputError:
     """What a command ends with where its settings or files changed under it."""
     rule = "files stay as they are until their command has ended"
-    return InputError(Problem(file, "", given, rule, "give the same command again"))
+    remedy = "give the same command again, in a session of Python after a restart"
+    return InputError(Problem(file, "", given, rule, remedy))
 
 
 STAYS = (

@@ -6,9 +6,8 @@ import platform
 from dataclasses import dataclass
 from functools import cache, cached_property
 
-from pipeline import ROOT
 from pipeline.workflow import keys
-from vsr_core.source.tracing import PACKAGES
+from vsr_core.source import tracing
 
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "pybullet", "mujoco", "trimesh")
 """Those that runs are computed with."""
@@ -49,10 +48,6 @@ class Provenance:
 @cache
 def here() -> Provenance:
     """Provenance of this process, read once: what is edited later is not what it has loaded."""
-    code = {
-        path.relative_to(ROOT).as_posix(): keys.digest_bytes(path.read_bytes())
-        for package in PACKAGES
-        for path in sorted((ROOT / package).rglob("*.py"))
-    }
+    code = {name: keys.digest_bytes(text) for name, text in sorted(tracing.texts().items())}
     libraries = {name: keys.installed_version(name) for name in LIBRARIES}
     return Provenance(code, {"python": platform.python_version(), **libraries})

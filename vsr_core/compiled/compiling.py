@@ -149,6 +149,9 @@ class _KeptCode(FunctionCache):
             return
         key = self._key(sig, data.codegen)
         path = self._file(_folders()[-1], key)
+        if tracing.by_now(compiled_from()) != compiled_from():
+            _tell("its source was edited meanwhile, and it is not kept")
+            return
         try:
             _seal(path, dumps((key, self._impl.reduce(data))))
         except OSError as error:

@@ -5,8 +5,10 @@ through imports. Each is digested by its syntax tree without docstrings, so a co
 that is not used changes nothing. A call through a variable cannot be followed; what is reached
 that way is named as a root.
 
-Reading all syntax trees takes a second, so what they say is kept as Python keeps bytecode: in
-``__pycache__``, known by the module's whole text, and not where Python is told to write none.
+Texts are read together, before what they define is imported, and count from then on: what a process
+computes with is what they said. Reading all syntax trees takes a second, so what they say is kept
+as Python keeps bytecode: in ``__pycache__``, known by the module's whole text, and not where Python
+is told to write none.
 """
 
 from __future__ import annotations
@@ -70,16 +72,17 @@ def by_now(names: Iterable[str]) -> dict[str, str]:
 def _there(module: str) -> dict[str, tuple[str, list[str]]]:
     """Definitions in the file of a module by now; none where it is gone or no Python."""
     with suppress(FileNotFoundError, SyntaxError):
-        text, known = _files(ROOT)[module].read_bytes(), _parse(module)
-        return known.definitions if text == known.text else facts_of(module, text).definitions
+        text = _files(ROOT)[module].read_bytes()
+        same = text == texts()[module]
+        return (_parse(module) if same else facts_of(module, text)).definitions
     return {}
 
 
 def users(module: str, names: Iterable[str]) -> Iterator[str]:
     """The definitions that mention one of some names, imported from the module that defines it."""
     wanted, line = {f"{module}:{name}" for name in names}, f"from {module} import ".encode()
-    for other, path in _files(ROOT).items():
-        if line not in path.read_bytes():
+    for other, text in texts().items():
+        if line not in text:
             continue
         parsed = _parse(other)
         local = {name for name, meant in parsed.imports.items() if meant in wanted}
@@ -113,21 +116,29 @@ class _Module:
     definitions: dict[str, tuple[str, list[str]]]
     imports: dict[str, str]  # local name -> "module" or "module:name"
     parts: dict[str, list[tuple[str, str]]]
-    text: bytes
 
 
 @cache
 def _parse(name: str) -> _Module:
     files = _files(ROOT)
-    text = files[name].read_bytes()
-    read = facts_of(name, text)
+    read = facts_of(name, texts()[name])
     imports = {}
     for local, module, inner in read.imports:
         if f"{module}.{inner}" in files:
             imports[local] = f"{module}.{inner}"
         elif module in files:
             imports[local] = f"{module}:{inner}" if inner else module
-    return _Module(read.definitions, imports, read.parts, text)
+    return _Module(read.definitions, imports, read.parts)
+
+
+def texts() -> dict[str, bytes]:
+    """Texts of all first-party modules, by their names, as they were when first asked for."""
+    return _texts(ROOT)
+
+
+@cache
+def _texts(root: Path) -> dict[str, bytes]:
+    return {name: path.read_bytes() for name, path in _files(root).items()}
 
 
 @cache

@@ -102,6 +102,25 @@ def test_a_constant_three_imports_away_changes_the_numbers(small: Path) -> None:
     assert ask(small) == ["15.0 True"]  # nothing compiled reaches that
 
 
+@pytest.mark.parametrize("imported", ["", "from vsr_core import asked"])
+def test_code_that_is_edited_once_it_is_read_is_not_kept(small: Path, imported: str) -> None:
+    """Whether it is imported before that or afterwards: neither is what the folder is named by."""
+    limits = small / "limits.py"
+    lines = (
+        "from pathlib import Path; from vsr_core.source import tracing; tracing.texts()",
+        imported,
+        "limits = Path('vsr_core/limits.py')",
+        "limits.write_text(limits.read_text().replace('0.5', '0.75'))",
+    )
+    (said,) = ask(small, before="\n".join(lines))
+    assert said.startswith("11.0 False" if imported else "16.0 False")
+    assert "edited meanwhile, and it is not kept" in said
+    assert not kept(small)
+    assert ask(small) == ["16.0 False"]
+    edit(limits, "0.75", "0.5")
+    assert ask(small) == ["11.0 False"]
+
+
 @pytest.mark.slow
 def test_an_edit_counts_where_numba_is_told_to_keep_its_code(small: Path, tmp_path: Path) -> None:
     place = {"NUMBA_CACHE_DIR": str(tmp_path / "told")}

@@ -64,6 +64,7 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 def forget() -> None:
     tracing._definition.cache_clear()
     tracing._parse.cache_clear()
+    tracing._texts.cache_clear()
 
 
 def closure(*roots: str) -> dict[str, str]:
@@ -117,6 +118,19 @@ def test_edit_of_what_is_used_is_noticed(
     after = closure()
     assert after.get(changed) != before[changed]
     assert {name for name in after if after[name] != before.get(name)} == {changed}
+
+
+def test_what_counts_is_the_text_when_all_are_first_asked_for(tree: Path) -> None:
+    """Not that at the time when a definition is first reached: it may be imported by then."""
+    before = closure()
+    forget()
+    tracing.texts()
+    edit(tree / "vsr_core/helper.py", "LIMIT = 3", "LIMIT = 4")
+    assert tracing.reached(["pipeline.main:root"]) == before
+    now = tracing.by_now(before)
+    assert {name for name in before if now[name] != before[name]} == {"vsr_core.helper:LIMIT"}
+    (tree / "vsr_core/late.py").unlink()
+    assert before.keys() - tracing.by_now(before) == {"vsr_core.late:inside"}
 
 
 @pytest.mark.parametrize(
