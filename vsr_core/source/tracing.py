@@ -71,7 +71,7 @@ def by_now(names: Iterable[str]) -> dict[str, str]:
 
 def _there(module: str) -> dict[str, tuple[str, list[str]]]:
     """Definitions in the file of a module by now; none where it is gone or no Python."""
-    with suppress(FileNotFoundError, SyntaxError):
+    with suppress(OSError, SyntaxError):
         text = _files(ROOT)[module].read_bytes()
         same = text == texts()[module]
         return (_parse(module) if same else facts_of(module, text)).definitions
@@ -145,7 +145,9 @@ def _texts(root: Path) -> dict[str, bytes]:
 def _files(root: Path) -> dict[str, Path]:
     """Files of all first-party modules, by the modules' names."""
     found = (path for package in PACKAGES for path in (root / package).rglob("*.py"))
-    names = {path: path.relative_to(root).with_suffix("").parts for path in found}
+    # an editor may hold a place by a link to nowhere, whose name begins with a dot
+    modules = (path for path in found if path.name[0] != "." and path.is_file())
+    names = {path: path.relative_to(root).with_suffix("").parts for path in modules}
     return {".".join(n[:-1] if n[-1] == "__init__" else n): path for path, n in names.items()}
 
 

@@ -120,6 +120,14 @@ def test_edit_of_what_is_used_is_noticed(
     assert {name for name in after if after[name] != before.get(name)} == {changed}
 
 
+def test_what_is_no_module_is_not_read(tree: Path) -> None:
+    before = closure()
+    (tree / "vsr_core/.#helper.py").symlink_to("somebody@somewhere.1:2")
+    (tree / "vsr_core/folder.py").mkdir()
+    tracing._files.cache_clear()
+    assert closure() == before
+
+
 def test_what_counts_is_the_text_when_all_are_first_asked_for(tree: Path) -> None:
     """Not that at the time when a definition is first reached: it may be imported by then."""
     before = closure()
