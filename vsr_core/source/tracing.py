@@ -61,7 +61,7 @@ def reached(roots: Iterable[str]) -> dict[str, str]:
 def by_now(names: Iterable[str]) -> dict[str, str]:
     """Digests of those of some definitions that are still there, by what their files say by now."""
     parted = [name.partition(":") for name in names]
-    there = {module: _there(module) for module, _, _ in parted}
+    there = {module: _there(module) for module in {module for module, _, _ in parted}}
     return {
         f"{module}:{name}": there[module][name][0]
         for module, _, name in parted
