@@ -8,9 +8,10 @@ import importlib
 import os
 import sys
 import traceback
+from contextlib import suppress
 from pathlib import Path
 
-from pipeline.config.problems import STAYS, InputError, Problem, Unfinished
+from pipeline.config.problems import STAYS, InputError, Problem, Unfinished, edited_since
 from pipeline.workflow.command_line import parsed
 from pipeline.workflow.log import begin, complain, is_log, log
 from vsr_core.errors import InvalidInput, reason
@@ -52,28 +53,42 @@ def main(arguments: list[str] | None = None) -> int:
         log(f"stopped; {STAYS}")
         return STOPPED
     except Exception as error:  # noqa: BLE001 (the last door: never a traceback on the screen)
-        if lacking := _lacking(error):
-            return _refused(InputError(lacking))
-        report = options.derived / "vsr-fault.txt"
-        where = f"details in {report}"
-        try:
-            report.parent.mkdir(parents=True, exist_ok=True)
-            report.write_text(traceback.format_exc(), encoding="utf-8", errors="backslashreplace")
-        except OSError as unwritten:
-            where = f"no details, because of {unwritten}"
-        complain(f"vsr: internal error: {error!r}; {where}")
-        return BROKEN
+        if known := _lacking(error) or _edited(error):
+            return _refused(known)
+        return _broken(options.derived)
 
 
-def _lacking(error: Exception) -> Problem | None:
+def _broken(derived: Path) -> int:
+    report = derived / "vsr-fault.txt"
+    where = f"details in {report}"
+    try:
+        report.parent.mkdir(parents=True, exist_ok=True)
+        report.write_text(traceback.format_exc(), encoding="utf-8", errors="backslashreplace")
+    except OSError as unwritten:
+        where = f"no details, because of {unwritten}"
+    complain(f"vsr: internal error: {sys.exception()!r}; {where}")
+    return BROKEN
+
+
+def _lacking(error: Exception) -> InputError | None:
     """What of the machine there was too little of, if that is what was wrong."""
     number = getattr(error, "errno", 0)
     if isinstance(error, MemoryError) or number == errno.ENOMEM:
         rule, remedy = "a command has what it needs", "free some, or raise its limit (ulimit -v)"
-        return Problem("memory", "", "too little of it", rule, remedy)
+        return InputError(Problem("memory", "", "too little of it", rule, remedy))
     if number in (errno.EMFILE, errno.ENFILE):
         rule, remedy = "a command may open some hundred", "raise the limit (ulimit -n)"
-        return Problem("open files", "", "too few that are allowed", rule, remedy)
+        return InputError(Problem("open files", "", "too few that are allowed", rule, remedy))
+    return None
+
+
+def _edited(error: Exception) -> InputError | None:
+    """That code is not what it was when it was first read, if that may be what was wrong."""
+    tracing = sys.modules.get("vsr_core.source.tracing")
+    with suppress(OSError):  # texts that could not be read at all
+        if edited := tracing.edited() if tracing else []:
+            given = f"what was edited or moved while the command was at work ({error!r})"
+            return edited_since(edited[0], given)
     return None
 
 

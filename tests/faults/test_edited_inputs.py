@@ -134,6 +134,31 @@ def test_code_that_is_edited_while_it_is_at_work_makes_nothing(
     assert (derived / "rock" / "motions.nc").exists() == (code == 0)
 
 
+@pytest.mark.parametrize("gone", [False, True])
+def test_code_that_is_broken_when_it_is_imported_was_edited(
+    gone: bool,
+    write_site: Callable[..., str],
+    vsr: Callable[..., Ran],
+    derived: Path,
+    code_copy: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    module = code_copy / "pipeline/stages/motions/motions.py"
+
+    def save_and_import(*_: Any) -> None:
+        module.write_text("def make(:\n")
+        if gone:
+            module.unlink()
+        compile(module.read_text(), module, "exec")
+
+    monkeypatch.setattr(graph, "work_of", save_and_import)
+    ran = vsr("run", "motions", "--site", write_site())
+    assert ran.code == 2
+    assert ran.err.splitlines()[-1].startswith("vsr: pipeline.stages.motions.motions: got what was")
+    assert ("No such file" if gone else "SyntaxError") in ran.err
+    assert not (derived / "vsr-fault.txt").exists()
+
+
 def test_what_was_saved_for_a_moment_is_not_kept(
     inputs: Path,
     write_site: Callable[..., str],

@@ -71,11 +71,22 @@ def by_now(names: Iterable[str]) -> dict[str, str]:
 
 def _there(module: str) -> dict[str, tuple[str, list[str]]]:
     """Definitions in the file of a module by now; none where it is gone or no Python."""
-    with suppress(OSError, SyntaxError):
-        text = _files(ROOT)[module].read_bytes()
+    text = _by_now(module)
+    with suppress(SyntaxError):
         same = text == texts()[module]
         return (_parse(module) if same else facts_of(module, text)).definitions
     return {}
+
+
+def edited() -> list[str]:
+    """Modules whose files are gone by now, or say something else."""
+    return [module for module, text in texts().items() if _by_now(module) != text]
+
+
+def _by_now(module: str) -> bytes:
+    with suppress(OSError):
+        return _files(ROOT)[module].read_bytes()
+    return b""
 
 
 def users(module: str, names: Iterable[str]) -> Iterator[str]:
