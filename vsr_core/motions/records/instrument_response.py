@@ -50,9 +50,7 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
         if np.ptp(whole):  # the taper makes a smooth pulse of what is no sample
             check_samples(whole, f"counts of {trace.stats.channel}", trace.stats.delta)
         line = np.polyval(np.polyfit(places, whole, 1), places)
-        displaced = "/" not in str(trace.stats.response.response_stages[0].input_units)
-        lasting = 1.0 / corners[1] if displaced else 2.0 / corners[2]
-        ends = min(max(math.ceil(lasting / trace.stats.delta), 4), len(whole))
+        ends = min(max(math.ceil(2.0 / corners[2] / trace.stats.delta), 4), len(whole))
         trace.data = _with_ends(whole - line, ends)
         trace.remove_response(output="ACC", water_level=None, pre_filt=corners, taper=False)
         if not np.isfinite(trace.data).all():
@@ -105,10 +103,11 @@ def _with_ends(values: Array, number: int) -> Array:
 
 
 _MOTION = re.compile(
-    r"([NCM]?)M(?:/S(?:EC)?|/S\*\*2)?|M/(?:\(S\*\*2\)|SEC\*\*2|\(SEC\*\*2\)|S/S)", re.IGNORECASE
+    r"([NCM]?)M(?:/S(?:EC)?|/S\*\*2)|M/(?:\(S\*\*2\)|SEC\*\*2|\(SEC\*\*2\)|S/S)", re.IGNORECASE
 )
-"""Units of displacement, velocity and acceleration that ObsPy divides by: in others that it lists,
-as CM/SEC**2, it forgets the factor, and what it does not list it takes as it is."""
+"""Units of velocity and acceleration that ObsPy divides by: in others that it lists, as CM/SEC**2,
+it forgets the factor, and what it does not list it takes as it is. What records displacement does
+so in too few digits for an acceleration."""
 
 _IN_METRE = {"": 1.0, "C": 1e2, "M": 1e3, "N": 1e9}
 
@@ -122,7 +121,8 @@ def _check_response(response: Any) -> None:
         motion = _MOTION.fullmatch(unit)
         if not motion:
             given = f"the response of an instrument in {unit}"
-            raise InvalidInput(given, "it records motion, in units such as M/S or M/S**2", remedy)
+            rule = "it records velocity or acceleration, in units such as M/S or M/S**2"
+            raise InvalidInput(given, rule, remedy)
         finer = _IN_METRE[(motion[1] or "").upper()]
     if len(set(map(_spelt_alike, units))) > 1:
         given = f"a response in {units[0]} whose first stage is in {units[1]}"
