@@ -93,14 +93,14 @@ def make(
     other = len(at) - same
     warning = (
         f"{other} of {counted(len(at), 'run')} {form(other, 'ends', 'end')} otherwise in {name}, "
-        "more than the numerical errors explain; report.html says what to do"
+        "which the numerical errors do not explain altogether; report.html says what to do"
     ) * beyond_errors(dataset)
     files = {BulletSample.FILE: netcdf(described(dataset, work, f"Sample in {name}"))}
     return Product(files, note, warning=warning)
 
 
 def beyond_errors(sample: xr.Dataset) -> bool:
-    """Whether more runs differ between the engines than the errors of both boundaries explain.
+    """Whether the engines differ by what the errors of both boundaries do not explain.
 
     Any run that differs away from the boundary is one; next to it two standard deviations of the
     count are allowed, and one run.

@@ -79,7 +79,7 @@ def test_a_disagreement_that_no_error_explains_is_shown_by_a_quiet_command(
         assert ran.code == 0
         (line,) = ran.err.splitlines()
         assert line.startswith(
-            f"vsr: warning: {derived / 'rock'}: 7 of 8 runs end otherwise in Bullet, more"
+            f"vsr: warning: {derived / 'rock'}: 7 of 8 runs end otherwise in Bullet, which"
         )
 
 
