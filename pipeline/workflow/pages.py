@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined, meta
@@ -31,7 +30,7 @@ def filled(name: str, facts: dict[str, Any], up: str = "../") -> str:
 
 def source(name: str) -> str:
     """Text of a template, style sheet, script or table of this package, by its file name."""
-    return _files()[name].read_text(encoding="utf-8")
+    return texts()[name]
 
 
 def digest(name: str) -> str:
@@ -47,9 +46,13 @@ def _parts(text: str) -> list[str]:
 
 
 @cache
-def _files() -> dict[str, Path]:
-    suffixes = (".html", ".css", ".js", ".yaml")
-    return {path.name: path for path in (ROOT / "pipeline").rglob("*") if path.suffix in suffixes}
+def texts() -> dict[str, str]:
+    """All of them, read together: what is edited while a command is at work is for the next one."""
+    found = (path for path in (ROOT / "pipeline").rglob("*") if path.suffix in _SUFFIXES)
+    return {path.name: path.read_text(encoding="utf-8") for path in found if path.is_file()}
+
+
+_SUFFIXES = (".html", ".css", ".js", ".yaml")
 
 
 @cache

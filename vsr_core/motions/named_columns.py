@@ -143,8 +143,9 @@ def of_netcdf(content: bytes) -> NetCDF:
     Raises
     ------
     InvalidInput
-        If it is no whole NetCDF, has groups, or has no coordinate ``time``.
+        If it is no whole NetCDF, has groups, has no coordinate ``time``, or is of an older format.
     """
+    check_format(content)
     if endless(content) is not None:
         given = "a NetCDF file with a heap without end, which HDF5 would read for ever"
         raise InvalidInput(given, "it is whole", "write or download it again")
@@ -156,6 +157,22 @@ def of_netcdf(content: bytes) -> NetCDF:
     except Exception as error:  # noqa: BLE001 (of a broken file, whatever HDF5 meets first)
         given = f"a NetCDF file that cannot be read ({reason(error)})"
         raise InvalidInput(given, "it is whole", "write or download it again") from None
+
+
+def check_format(content: bytes) -> None:
+    """Refuse NetCDF before 4: what is lost at its end is read as zeros, and no sizes are checked.
+
+    Parameters
+    ----------
+    content : bytes, its first ones at least
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if content.startswith(b"CDF"):
+        given, rule = "a NetCDF file of a format before 4", "it is NetCDF-4, of which a cut is seen"
+        raise InvalidInput(given, rule, "convert it: nccopy -k nc4 old.nc new.nc")
 
 
 def _along_time(data: netCDF4.Dataset) -> NetCDF:

@@ -97,11 +97,11 @@ def _nshmp(folder: Path) -> HazardModel:
 
 
 def _nshmp_curve(path: Path, measure: str) -> GivenCurve:
-    sites = table(path, text(path))
+    sites = table(path, text(path), lambda name: name.strip().lower())
     if len(sites) != 1:
         rule, remedy = "one line of rates follows", "export the curves of the rock's site only"
         raise refused(path, "lon, lat", f"{len(sites)} sites", rule, remedy)
-    cells = {name.lower(): cell for name, cell in sites[0].items()}
+    cells = sites[0]
     levels = [name for name in cells if name not in ("name", "lon", "lat")]
     place = {name: cells[name] for name in ("lon", "lat") if name in cells}
     given = {"measure": measure, "levels": levels, "values": [cells[name] for name in levels]}

@@ -310,7 +310,7 @@ def realizations(folder: Path) -> list[Realization]:
 
 def _untyped(name: str) -> str:
     """Name of a column, ``poe-0.005:float32`` without the type of its numbers."""
-    return name.split(":")[0]
+    return re.sub(r":[^\d.].*", "", name)
 
 
 def _header(lines: str) -> str:

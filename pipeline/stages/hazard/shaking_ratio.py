@@ -331,7 +331,7 @@ def _bins(path: Path) -> tuple[list[Bin], list[str]]:
         raise refused(path, "imt", "no such column", f"there are {', '.join(_COLUMNS)}")
     shares = _shares(path, names)
     told = _WEIGHTS.search(first)
-    weights = told[1].split(",") if told and len(shares) > 1 else []
+    weights = told[1].split(",") if told and any(name.startswith("rlz") for name in shares) else []
     known = {*_COLUMNS, "poe"}
     years = {"years": stated[1]} if (stated := YEARS.search(first)) else {}
     of_pga = [

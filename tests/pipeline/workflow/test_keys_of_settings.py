@@ -478,7 +478,7 @@ def templates_in(room: str) -> set[str]:
     """Templates that the code of a room names, which are those of its pages."""
     trees = [ast.parse(path.read_bytes()) for path in (ROOT / room).glob("*.py")]
     texts = {n.value for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Constant)}
-    return {name for name in pages._files() if name in texts and Path(name).suffix != ".yaml"}
+    return {name for name in pages.texts() if name in texts and Path(name).suffix != ".yaml"}
 
 
 @pytest.mark.slow

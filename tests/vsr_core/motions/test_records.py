@@ -288,6 +288,18 @@ def test_netcdf_with_groups_is_refused(tmp_path: Path) -> None:
     refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), "the groups more", "at its root")
 
 
+@pytest.mark.parametrize("old", ["NETCDF3_CLASSIC", "NETCDF3_64BIT_OFFSET", "NETCDF3_64BIT_DATA"])
+def test_netcdf_that_hides_a_cut_is_refused(tmp_path: Path, old: str) -> None:
+    """Of a file before NetCDF-4 that is cut, the library reads what is lost as zeros."""
+    path = tmp_path / "old.nc"
+    with netCDF4.Dataset(path, "w", format=old) as file:
+        file.createDimension("time", len(VALUES))
+        file.createVariable("time", "f8", ("time",))[:] = STEP * np.arange(len(VALUES))
+        east = file.createVariable("east", "f8", ("time",))
+        east[:], east.units = VALUES, "m/s2"
+    refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), "of a format before 4", "nccopy -k nc4")
+
+
 def test_numbers_that_no_byte_stands_for_are_bounded_before_they_are_read(tmp_path: Path) -> None:
     path = tmp_path / "many.nc"
     with netCDF4.Dataset(path, "w") as file:
@@ -861,6 +873,20 @@ def test_bytes_that_are_no_records_of_a_miniseed_are_refused(length: int) -> Non
         told = f"records end at byte {end}"
         refusal(lambda content=filled: read(content, ".mseed", how), told)
     assert len(read(whole[:end], ".mseed", how).acceleration) < 8000  # nothing of it tells
+
+
+@pytest.mark.parametrize("encoding", ["STEIM1", "STEIM2"])
+def test_a_miniseed_that_contradicts_its_last_sample_is_refused(encoding: str) -> None:
+    """Each sample is a difference to the one before: one that is wrong shifts all that follow."""
+    obspy = pytest.importorskip("obspy")
+    waves, how = io.BytesIO(), Reading(unit="m/s2")
+    counts = np.round(1e4 * np.sin(0.1 * np.arange(2000.0))).astype("i4")
+    shaking = obspy.Trace(counts, {"delta": STEP, "channel": "HNE"})
+    shaking.write(waves, format="MSEED", encoding=encoding, reclen=4096)
+    content = bytearray(waves.getvalue())
+    read(bytes(content), ".mseed", how)
+    content[1000] ^= 1
+    refusal(lambda: read(bytes(content), ".mseed", how), "contradict the last one")
 
 
 def test_a_sac_file_of_text_that_is_cut_is_refused() -> None:

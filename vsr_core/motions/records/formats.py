@@ -57,6 +57,9 @@ def read_waveforms(
             warnings.simplefilter("always")
             # By name: left to find out, ObsPy tries Python's pickles too, which run what they hold.
             stream = obspy.read(io.BytesIO(content), format=kind)
+            if any("integrity check" in str(warned.message) for warned in caught):
+                given = "samples that contradict the last one, which the file states, too"
+                raise InvalidInput(given, "it is whole", "download it again")
             if rate is not None:
                 stream[0].stats.sampling_rate = rate  # of which ObsPy takes the whole part
             if kind == "MSEED":

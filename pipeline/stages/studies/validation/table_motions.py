@@ -18,6 +18,7 @@ from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions import even_times
 from vsr_core.motions.ground_motion import GroundMotion
+from vsr_core.motions.named_columns import check_format
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.records.columns import check_seconds
 from vsr_core.motions.records.components import ComponentMotion
@@ -209,6 +210,8 @@ def _records(folder: Path) -> xr.Dataset:
     check_file(folder / RECORDS, _LARGEST)
     check_heaps(folder / RECORDS)
     try:
+        with (folder / RECORDS).open("rb") as file:
+            check_format(file.read(3))
         with netCDF4.Dataset(folder / RECORDS) as data:
             sizes = {name: variable.size for name, variable in data.variables.items()}
         most = dict.fromkeys(("test", "n_samples"), _MOST_TESTS)
@@ -218,6 +221,8 @@ def _records(folder: Path) -> xr.Dataset:
         return xr.open_dataset(folder / RECORDS, decode_times=False)
     except InputError:
         raise
+    except InvalidInput as error:
+        raise InputError.from_invalid(shown(folder / RECORDS), "", error) from None
     except Exception as error:  # noqa: BLE001 (of a broken file, whatever HDF5 meets first)
         given = f"a file that cannot be read ({reason(error)})"
         raise refused(folder / RECORDS, "", given, "it is NetCDF", "correct it") from None

@@ -425,6 +425,11 @@ PLACE = f"{EDGES}, lon=-120.9, lat=35.2"
         ({"mean": MEAN}, EDGES.replace("20.0", "2000.0"), "dist: got a bin at 10; by its first"),
         ({"mean": MEAN}, EDGES.replace("40.0", "x"), "dist.2: got ' x'"),
         (
+            {"rlz0": MEAN},
+            f"{EDGES}, weights=[0.25, 0.75]",
+            "weights: got 2 in row 1; there is one for each of 1 realizations",
+        ),
+        (
             {"rlz0": MEAN, "rlz1": MEAN},
             f"{EDGES}, weights=[1.0]",
             "weights: got 1 in row 1; there is one for each of 2 realizations",

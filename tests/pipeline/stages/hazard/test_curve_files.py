@@ -124,6 +124,7 @@ def test_a_mean_curve_that_is_none_of_the_realizations_is_told(
         (FIRST, "1.812692469220E-01", "0.0", "not positive"),
         (FIRST, "lon,lat,depth", "lon,lon,depth", "lon: got a column twice"),
         (FIRST, "poe-0.1000000", "poe-0.0100000:float32", "poe-0.0100000: got a column twice"),
+        (FIRST, "poe-0.1000000", "poe-0:.1000000", "levels.1: got '0:.1000000'"),
         ("realizations_1.csv", "branch_path", "ordinal", "rlz_id: got a column twice"),
         ("realizations_1.csv", "branch_path", "weight:float32", "weight: got a column twice"),
         ("realizations_1.csv", "1,A~1,0.4", "1,A~1,0.4\n0,A~0,0.9", "0 twice"),
@@ -327,6 +328,11 @@ def test_levels_out_of_order_are_refused_though_nothing_exceeds_the_last(
 ) -> None:
     with pytest.raises(InputError, match="levels out of order; they ascend"):
         curve_folder.load(nshmp(tmp_path, rates, levels))
+
+
+def test_columns_that_differ_by_case_alone_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="1e-1: got a column twice"):
+        curve_folder.load(nshmp(tmp_path, "0.1,0.01,1e-3,1e-4", "0.01,1e-1,1E-1,1.0"))
 
 
 def test_levels_that_are_never_exceeded_end_a_curve_and_are_counted(tmp_path: Path) -> None:

@@ -81,6 +81,13 @@ def test_records_are_in_the_unit_that_they_state(tmp_path: Path, unit: str, one:
         assert motion.peak_acceleration == pytest.approx(expected[number].peak_acceleration)
 
 
+def test_records_of_a_format_that_hides_a_cut_are_refused(tmp_path: Path) -> None:
+    with xr.load_dataset(recorded_tests(tmp_path) / RECORDS) as records:
+        records.to_netcdf(tmp_path / RECORDS, format="NETCDF3_64BIT")
+    with pytest.raises(InputError, match="of a format before 4"):
+        motions_of(tmp_path)
+
+
 def test_records_that_were_replaced_are_read_again(tmp_path: Path) -> None:
     before, after = (
         motions_of(changed(tmp_path, in_unit("m s-2", share))) for share in (1.0, 0.95)

@@ -1,0 +1,43 @@
+"""The texts of pages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pipeline.workflow import pages
+
+
+@pytest.fixture
+def template(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A template beside a style sheet, in place of the real ones."""
+    folder = tmp_path / "pipeline"
+    folder.mkdir()
+    (folder / "page.css").write_text("a {}")
+    (folder / "page.html").write_text("{{ words }}")
+    monkeypatch.setattr(pages, "ROOT", tmp_path)
+    forget()
+    yield folder / "page.html"
+    forget()
+
+
+def forget() -> None:
+    for kept in (pages.texts, pages._environment, pages._parts):
+        kept.cache_clear()
+
+
+@pytest.mark.parametrize("later", ["{{ words", "other words", None])
+def test_a_page_is_made_of_what_its_key_is_of(template: Path, later: str | None) -> None:
+    """Though its template is edited, saved half-written or moved while the command is at work."""
+    pages.source("page.css")
+    if later is None:
+        template.unlink()
+    else:
+        template.write_text(later)
+    before = pages.digest("page.html")
+    assert pages.filled("page.html", {"words": "said"}) == "said"
+    forget()
+    template.write_text("{{ words }}")
+    assert pages.digest("page.html") == before
