@@ -102,6 +102,8 @@ def test_cosmos_that_breaks_its_word_is_refused() -> None:
     text = files.cosmos((VALUES, 90), interval=STEP)
     lines = text.splitlines()
     refusal(lambda: read_cosmos("\n".join(lines[:-5]), None), "ends early")
+    one_more = "\n".join([*lines[:-9], lines[-9] + lines[-9][-10:], *lines[-8:]])
+    refusal(lambda: read_cosmos(one_more, None), "a line of more columns than")
     refusal(lambda: read_cosmos(text.replace("     400 acc", "     392 acc"), None), "header")
     wrong_step = text.replace("    10.000000     4.000000", "    20.000000     4.000000")
     assert wrong_step != text
@@ -277,6 +279,18 @@ def test_netcdf(tmp_path: Path) -> None:
     content = path.read_bytes()
     refusal(lambda: read_netcdf(content, None, None), "acceleration along time", "units")
     refusal(lambda: read_netcdf(content, "acceleration", "m/s2"), "the unit 'm'")
+
+
+def test_what_is_not_along_time_alone_is_told(tmp_path: Path) -> None:
+    """Accelerations of several channels in one variable were left out without a word."""
+    path = tmp_path / "one.nc"
+    files.netcdf(path, VALUES, STEP, "m/s2")
+    assert read(path.read_bytes(), ".nc", PLAIN).repairs == ()
+    with netCDF4.Dataset(path, "a") as file:
+        file.createDimension("channel", 3)
+        file.createVariable("strong", "f8", ("time", "channel"))
+    (told,) = read(path.read_bytes(), ".nc", PLAIN).repairs
+    assert told == "left out, as not numbers along time alone: strong"
 
 
 def test_netcdf_with_groups_is_refused(tmp_path: Path) -> None:
@@ -553,6 +567,7 @@ def test_response_of_obspys_example_is_removed(tmp_path: Path) -> None:
         (b"<Name>M/S<", b"<Name>M/S^2<", "an instrument in M/S^2"),
         (b"<Name>M/S<", b"<Name>CM/SEC**2<", "an instrument in CM/SEC**2"),
         (b"<Name>M/S<", b"<Name>CM<", "an instrument in CM"),
+        (b"<Name>M/S<", b"<Name><", "an instrument in no unit"),
     ):
         assert old in how.response
         other = replace(how, response=how.response.replace(old, new))

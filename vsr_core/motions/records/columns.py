@@ -7,6 +7,7 @@ its unit: ``acceleration [m/s2]``, ``acc (g)``, ``acc_g``. NetCDF holds variable
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -69,7 +70,7 @@ def read_netcdf(content: bytes, component: str | None, unit: str | None) -> Reco
     file = of_netcdf(content)
     time = next(column for column in file.columns if column.name == "time")
     others = [column for column in file.columns if column is not time]
-    return on_times(
+    record = on_times(
         time._replace(unit=time.unit or ""),
         others,
         component,
@@ -77,6 +78,8 @@ def read_netcdf(content: bytes, component: str | None, unit: str | None) -> Reco
         station=file.attributes.get("station", ""),
         source=f"NetCDF file: {file.attributes.get('title') or 'no title'}",
     )
+    left = f"left out, as not numbers along time alone: {', '.join(file.others)}"
+    return replace(record, repairs=(*record.repairs, left)) if file.others else record
 
 
 _SECONDS = ("s", "sec", "second", "seconds")

@@ -116,7 +116,7 @@ def _check_response(response: Any) -> None:
     """Refuse the response of no motion, and one whose stages are not what it says altogether."""
     whole, remedy = response.instrument_sensitivity, "correct the response, or download it again"
     first, finer = response.response_stages[0], 1.0
-    units = [one.input_units for one in (whole, first) if one and one.input_units]
+    units = [one.input_units for one in (whole, first) if one and one.input_units] or ["no unit"]
     for unit in units:
         motion = _MOTION.fullmatch(unit)
         if not motion:

@@ -255,6 +255,8 @@ def _block(lines: Iterator[str], heading: str) -> Array:
         taken = min(each, number - len(words))
         if len(line.rstrip()) < taken * width:
             raise _broken(f"has a short line under {heading.strip()[:50]!r}")
+        if len(line.rstrip()) > taken * width:
+            raise _broken(f"has a line of more columns than {heading.strip()[:50]!r} has")
         words += [line[i * width : (i + 1) * width] for i in range(taken)]
     try:
         return np.array([plain_number(word) for word in words])
