@@ -669,6 +669,26 @@ def test_a_response_has_the_sensitivity_that_it_says_in_each_unit(unit: str) -> 
     refusal(lambda: taken(1e3), "1e+03 times the sensitivity that it says, at 1 Hz")
 
 
+@pytest.mark.parametrize("unit", ["RADIANS/SECOND", "HERTZ"])
+def test_poles_and_zeros_are_one_where_they_say(unit: str) -> None:
+    """A zero too many was divided out by ObsPy, which normalizes anew at the gain's frequency."""
+    pytest.importorskip("obspy")
+    stage, size = geophone(4.5, 0.7), {"RADIANS/SECOND": 1.0, "HERTZ": 2.0 * np.pi}[unit]
+    mass, omega = mass_on_spring(4.5, 0.7), 10.0 * np.pi
+    stage.normalization_frequency = 5.0  # and that of the gain is 1 Hz
+    stage.normalization_factor = float(abs(np.polyval(mass, 1j * omega)) / omega**2)
+    stage.pz_transfer_function_type = f"LAPLACE ({unit})"
+    stage.poles = [pole / size for pole in stage.poles]
+    counts, without = 1e4 * np.sin(0.05 * np.arange(4000)), ("M/S", 0.005, slice(400, 400))
+    taken = of_counts(counts, *without, stage)
+    np.testing.assert_allclose(
+        taken.acceleration, of_counts(counts, *without, geophone(4.5, 0.7)).acceleration, rtol=1e-6
+    )
+    stage.zeros = [0.0, 0.0, 0.0]
+    ratio = {"RADIANS/SECOND": "31.4", "HERTZ": "5"}[unit]
+    refusal(lambda: of_counts(counts, *without, stage), f"zeros that are {ratio} at 5 Hz")
+
+
 def test_a_response_that_is_zero_within_the_band_is_at_fault() -> None:
     """The mean of ten samples of 100 a second is nothing of 10 Hz, which 4020 of them tell."""
     pytest.importorskip("obspy")
