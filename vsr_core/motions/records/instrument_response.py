@@ -139,7 +139,7 @@ def _check_response(response: Any) -> None:
             given += f", at {at:g} Hz"
             raise InvalidInput(given, f"the two agree within a factor of {_ALIKE:g}", remedy)
     for stage in response.response_stages:
-        if turning := _LAPLACE.get(getattr(stage, "pz_transfer_function_type", None)):
+        if turning := _LAPLACE.get(str(getattr(stage, "pz_transfer_function_type", ""))):
             _check_normalization(stage, turning)
 
 
