@@ -29,6 +29,12 @@
     const contrast = (a + 0.05) / (b + 0.05);
     if (contrast < least) faults.push(`contrast ${contrast.toFixed(2)}: ${text.slice(0, 60)}`);
   }
+  for (const block of document.querySelectorAll("p, li, td, figcaption")) {
+    const words = block.cloneNode(true);
+    words.querySelectorAll("code, pre, script, style, svg").forEach((part) => part.remove());
+    const joined = words.textContent.match(/.{0,30}[a-z0-9)%][.;:,!?][A-Z][a-z].{0,20}/);
+    if (joined) faults.push(`no blank: ${joined[0]}`);
+  }
   for (const image of document.images) {
     const name = (image.getAttribute("alt") || image.src).slice(0, 60);
     if (!image.complete || !image.naturalWidth) faults.push(`picture not there: ${name}`);
