@@ -185,7 +185,9 @@ def test_a_shadow_lies_on_the_side_that_hides_more(browser: Any) -> None:
 
 def test_the_checks_see_what_is_wrong(browser: Any) -> None:
     page = browser.new_page()
-    page.set_content("<p style='color:#999'>pale</p><img src='data:image/png;base64,AAAA'><p>One.Two")
+    page.set_content(
+        "<p style='color:#999'>pale</p><img src='data:image/png;base64,AAAA'><p>One.Two"
+    )
     found = " ".join(page.evaluate(CHECKS))
     for fault in ("contrast 2.85", "not there", "without words", "no language", "no title",
                   "heading", "no viewport", "no blank: One.Two"):  # fmt: skip

@@ -206,6 +206,6 @@ def _reason(
     return (
         f"Log loss on left-out levels {loss[chosen]} against {loss[SIMPLEST]} for the logistic "
         f"model, more than one standard error: the boundary is not one straight line in ln PGA and "
-        f"ln PGV/PGA ({clusters} toppled cluster(s), {islands} balanced cell(s) above a first "
-        "overturning)."
+        f"ln PGV/PGA (toppled clusters: {clusters}; balanced cells above a first overturning: "
+        f"{islands})."
     )

@@ -169,7 +169,7 @@ def _cap_of_planes(rim: _Rim) -> _Surface:
     far = np.linalg.norm(placed - rim.points, axis=1).max()
     tilt = np.degrees(np.arctan(np.linalg.norm(found.rows[:, :2] - rim.slope.mean(axis=0), axis=1)))
     note = (
-        f"{len(found.rows)} plane(s), {', '.join(f'{t:.0f}' for t in tilt)} deg from "
+        f"planes: {len(found.rows)}, {', '.join(f'{t:.0f}' for t in tilt)} deg from "
         f"{rim.against}; the rim scatters by {1e3 * found.scatter:.1f} mm; "
         f"{int(near.sum())} of {len(near)} vertices moved onto them, by at most "
         f"{1e3 * far:.1f} mm"
