@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from pydantic import ValidationError
 
-from pipeline.config.outside import Row, check_file, in_row, lines_of, refused
+from pipeline.config.outside import Row, in_row, lines_of, opened, refused
 from vsr_core.errors import reason
 
 LARGEST = 64 * 1024**3
@@ -38,8 +38,7 @@ def header(path: Path) -> tuple[str, list[str], int]:
     names : list of str, of the columns, without their types
     number : int, of lines that these are
     """
-    check_file(path, LARGEST)
-    with path.open("rb") as file:
+    with opened(path, LARGEST) as file:
         first = file.read(_FIRST)
         file.seek(-min(len(first), 1), os.SEEK_END)
         ended = file.read(1) in (b"\n", b"")

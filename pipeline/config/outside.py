@@ -1,10 +1,10 @@
 """Files from outside: one way to read them, by a schema, and to refuse in one line what breaks it.
 
-A file is opened if it is a regular one of bounded size, by `content`; what a library opens itself
-has been through `check_file`, or through `check_regular` where the key of a setting is to be named,
-and not its file. Text is UTF-8. A table is a line of names,
-each there once, and rows with a field for each name. A row is a `Row`: its fields, their types and
-ranges, as of a section of the configuration. What is in no schema is refused, or named.
+A file is opened if it is a regular one of bounded size, by `content` or `opened`; what a library
+opens itself has been through `check_file`, or through `check_regular` where the key of a setting is
+to be named, and not its file. Text is UTF-8. A table is a line of names, each there once, and rows
+with a field for each name. A row is a `Row`: its fields, their types and ranges, as of a section of
+the configuration. What is in no schema is refused, or named.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import os
 import re
 import stat
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
@@ -103,6 +104,17 @@ def check_file(path: Path, largest: int) -> None:
         check_regular(path, largest)
     except InvalidInput as error:
         raise InputError.from_invalid(shown(path), "", error) from None
+
+
+@contextmanager
+def opened(path: Path, largest: int) -> Iterator[io.BufferedReader]:
+    """A regular file to read, which is named where the disk does not give it."""
+    check_file(path, largest)
+    try:
+        with path.open("rb") as file:
+            yield file
+    except OSError as error:
+        raise InputError.from_invalid(shown(path), "", _unreadable(error)) from None
 
 
 def content(path: Path, largest: int = LARGEST) -> bytes:

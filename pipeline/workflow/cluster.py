@@ -19,7 +19,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, cast
 
-from pipeline.config.outside import check_regular
+from pipeline.config.outside import held
 from pipeline.config.problems import InputError, Problem
 from pipeline.workflow.dispatch import Dispatch
 from pipeline.workflow.outside_settings import MEND_DASK, dask_is_set, unread
@@ -304,7 +304,7 @@ _LARGEST_FILE = 1024**2
 def _check_scheduler_file(path: Path) -> None:
     """Refuse what Dask would wait for, or read without an end."""
     try:
-        check_regular(path, _LARGEST_FILE)
+        held(path, _LARGEST_FILE)
     except InvalidInput as error:
         raise OSError(error.given) from None
 

@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from pipeline.config.outside import check_file, held
+from pipeline.config.outside import held, opened
 from pipeline.config.paths import shown
 from pipeline.config.problems import InputError, edited_since
 
@@ -59,8 +59,7 @@ LARGEST = 64 * 1024**3
 
 def digest_file(path: Path) -> str:
     """SHA-256 of a file's content."""
-    check_file(path, LARGEST)
-    with path.open("rb") as file:
+    with opened(path, LARGEST) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -249,6 +249,15 @@ def test_what_is_no_regular_file_or_too_large_is_refused(
         refused(*command(here, given), words=(given.words,))
 
 
+@pytest.mark.parametrize("name", slow_but([*READ][::4], [*READ]))
+def test_what_a_bad_disk_does_not_give_is_refused(here: Path, refused: Refused, name: str) -> None:
+    """A regular file of which the system says that reading it is an input/output error."""
+    given = READ[name]
+    (here / given.bad).unlink(missing_ok=True)
+    (here / given.bad).symlink_to("/proc/self/mem")
+    refused(*command(here, given), words=())
+
+
 @pytest.mark.parametrize("kind", ["a pipe", "a device"])
 @pytest.mark.parametrize("name", WRITTEN)
 def test_nothing_is_written_to_a_pipe_or_a_device(

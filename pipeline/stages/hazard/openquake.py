@@ -23,7 +23,16 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.config.outside import check_file, check_heaps, checked, refused, rows, table, text
+from pipeline.config.outside import (
+    check_file,
+    check_heaps,
+    checked,
+    opened,
+    refused,
+    rows,
+    table,
+    text,
+)
 from pipeline.stages.hazard.hazard_model import (
     MEAN,
     UNITS,
@@ -147,8 +156,7 @@ def check_calculation(folder: Path, paths: Iterable[Path]) -> dict[str, str]:
     """
     said: dict[str, dict[str, str]] = {}
     for path in paths:
-        check_file(path, _LARGEST)
-        with path.open("rb") as file:
+        with opened(path, _LARGEST) as file:
             first = file.readline(10_000).decode("utf-8", "replace")
         told = {what: pattern.search(first) for what, pattern in _SAID.items()}
         for what, one in {"number": _NUMBER.search(path.name), **told}.items():

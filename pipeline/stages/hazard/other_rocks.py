@@ -28,7 +28,7 @@ from pipeline.stages.hazard.rock_fragility import (
     of_members,
     of_photograph,
 )
-from pipeline.stages.hazard.survival_analysis import DatedRock
+from pipeline.stages.hazard.survival_analysis import BASE_CASE, DatedRock
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import graph, keys, site_folder
 from pipeline.workflow.grammar import counted
@@ -185,9 +185,10 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
                 raise InputError(Problem(file, key, given, rule, "leave it out, or rename"))
             named.append(other.name)
     _check_copies([origin, *(one.site for one in rocks if isinstance(one, Other))], origin)
-    folders = [folder_of(one.name) for one in hazard.compare]
+    names = [BASE_CASE, *(one.name for one in hazard.compare)]
+    folders = [*map(folder_of, names)]
     if len(set(folders)) < len(folders):
-        twice = next(one.name for one in hazard.compare if folders.count(folder_of(one.name)) > 1)
+        twice = next(name for name in names if folders.count(folder_of(name)) > 1)
         file, rule = origin.file_of("hazard.compare"), "a comparison has a name of its own"
         raise InputError(Problem(file, "hazard.compare", f"{twice!r} twice", rule, "rename one"))
     return Others(rocks, *_compared(hazard, origin), earlier)
