@@ -585,7 +585,7 @@ def test_another_age_or_other_curves_run_nothing(
     before = {path: path.stat().st_mtime_ns for path in made.rglob("*.nc")}
     curves = tmp_path / "PGA"
     curves.mkdir()
-    text = "name,lon,lat,0.01,0.1,1.0\nhere,-120.9,35.2,0.2,4e-3,2e-5\n"
+    text = "name,lon,lat,0.01,0.1,1.0\nhere,-120.9,35.2,0.20,4.0e-3,2.0e-5\n"
     (curves / "curves.csv").write_text(text, encoding="utf-8")
     changes = {"age": ["--age", "3000", "--age-sd", "500"], "curves": ["--curves", str(tmp_path)]}
     capsys.readouterr()
