@@ -16,6 +16,7 @@ from vsr_core.hazard.toppling import (
     PARTS,
     Fragility,
     RowFragility,
+    Toppling,
     borders_of,
     points,
     rate_by_row,
@@ -78,12 +79,19 @@ class CurveShaking:
 
     def rates(self, fragility: Fragility) -> Array:
         """Annual rates of toppling, shape (branches,)."""
+        return np.array([one.rate for one in self._each(fragility)])
+
+    def largest_rates(self, fragility: Fragility) -> Array:
+        """The same if all that exceeds the last level of a curve topples."""
+        return np.array([one.rate + one.beyond for one in self._each(fragility)])
+
+    def _each(self, fragility: Fragility) -> list[Toppling]:
         mean = self._averaged(fragility)
 
         def moved(level: Array) -> Array:
             return mean(self.factor * level)
 
-        return np.array([toppling(one, moved).rate for one in self.curves])
+        return [toppling(one, moved) for one in self.curves]
 
     def mean(self, weights: Array) -> CurveShaking:
         """That of the mean of the branches."""

@@ -26,6 +26,7 @@ from pipeline.stages.hazard.hazard_model import (
     GivenCurve,
     HazardModel,
     Realization,
+    check_digits,
     model,
 )
 from pipeline.stages.hazard.shaking_ratio import (
@@ -105,7 +106,9 @@ def _nshmp_curve(path: Path, measure: str) -> GivenCurve:
     levels = [name for name in cells if name not in ("name", "lon", "lat")]
     place = {name: cells[name] for name in ("lon", "lat") if name in cells}
     given = {"measure": measure, "levels": levels, "values": [cells[name] for name in levels]}
-    return checked(path, GivenCurve, place | given, text=True)
+    curve = checked(path, GivenCurve, place | given, text=True)
+    check_digits(path, [cells[name] for name in levels])
+    return curve
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,7 @@ from pipeline.stages.hazard.hazard_dataset import (
     table,
 )
 from pipeline.stages.hazard.hazard_model import MOST_PGA
+from pipeline.stages.hazard.open_ends import left_open
 from pipeline.stages.hazard.other_rocks import Others, dated
 from pipeline.stages.hazard.rock_ages import of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import of_fits, of_members
@@ -105,6 +106,8 @@ def make(
     by_member = analysis.survival_of_others()
     all_cases = cases(analysis, assumed.alternatives, compared)
     results = all_cases[0].results
+    for beyond in (open_ends := left_open(analysis, results, work.origin)):
+        work.log(f"hazard: {beyond}")
     found = dataset(analysis, results, by_member, all_cases)
     facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves)
     others = [*beside.earlier, *(o for one in beside.rocks for o in (one, *one.earlier))]
@@ -114,6 +117,7 @@ def make(
         for of, stages in ((name, config.history), *((o.name, o.history) for o in beside.rocks))
         for one in stages
     ]
+    facts["unused"] = (*curves.unused, *open_ends)
     facts["exclusion"] = of_earthquakes(excluded.data, minimum, own)
     files = {
         FILE: netcdf(described(found, work, "Hazard")),
@@ -178,7 +182,6 @@ def page(
         "site": site,
         "curves": file,
         "about": curves.about,
-        "unused": curves.unused,
         "origin": origin,
         "config": config,
         "pictures": {name: svg_uri(figure) for name, figure in drawn.items()},

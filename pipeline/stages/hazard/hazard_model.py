@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -140,6 +141,21 @@ class GivenCurve(Row):
         if self.years is None:
             return curve_of_rates(levels, np.array(self.values))
         return curve_of_probabilities(levels, np.array(self.values), self.years)
+
+
+FEW = 1.0 / 3.0
+"""Share of a curve's values that may have one digit, as 0.002 does: in files of seven digits some
+are round by chance."""
+
+
+def check_digits(path: Path, values: Sequence[str]) -> None:
+    """Refuse rates, or probabilities, that were rounded to so many decimals that little is left."""
+    digits = {one: re.sub(r"[eE].*|\D", "", one).lstrip("0") for one in values}
+    numbers = [len(told) for told in digits.values() if told]
+    if (few := numbers.count(1)) > FEW * len(numbers):
+        given = f"{few} of {len(numbers)} different values with one digit only"
+        rule = "two are needed, as one leaves a rate open by up to 50 %"
+        raise refused(path, "values", given, rule, "export them with more digits, as 2.31E-03")
 
 
 Curves = Mapping[tuple[int, str], tuple[Path, GivenCurve]]

@@ -39,6 +39,7 @@ from pipeline.stages.hazard.hazard_model import (
     GivenCurve,
     HazardModel,
     Realization,
+    check_digits,
     model,
 )
 from pipeline.stages.hazard.hdf5_files import attribute, content
@@ -290,7 +291,7 @@ def _curve(path: Path, kind: str, measure: str) -> GivenCurve:
         if name not in _PLACES and of not in ("poe", measure):
             rule = f"the columns are lon, lat, depth, and poe-0.1 for a level of {measure}"
             raise refused(path, name, "the column", rule)
-    return checked(
+    curve = checked(
         path,
         GivenCurve,
         {
@@ -302,6 +303,8 @@ def _curve(path: Path, kind: str, measure: str) -> GivenCurve:
         },
         text=True,
     )
+    check_digits(path, [cells[name] for name in levels])
+    return curve
 
 
 def realizations(folder: Path) -> list[Realization]:

@@ -69,7 +69,7 @@ def test_rates_and_weights_are_read(
 
 def test_rates_of_nshmp_haz(tmp_path: Path) -> None:
     (tmp_path / "PGA").mkdir()
-    text = "name,lon,lat,0.01,0.1,1.0\nhere,-120.9,35.2,0.2,4e-3,2e-5\n"
+    text = "name,lon,lat,0.01,0.1,1.0\nhere,-120.9,35.2,0.20,4.0e-3,2.0e-5\n"
     (tmp_path / "PGA" / "curves.csv").write_text(text, encoding="utf-8")
     (only,) = curve_folder.load(tmp_path).branches
     assert (only.name, only.weight) == ("mean", 1.0)
@@ -304,6 +304,31 @@ def nshmp(folder: Path, rates: str, levels: str = "0.01,0.1,0.5,1.0") -> Path:
 
 
 @pytest.mark.parametrize(
+    ("spelling", "few"),
+    [
+        (".6E", 0),
+        (".2g", 0),
+        ("", 0),  # as short as it may be: one of four happens to be round
+        (".2f", 1),  # 0.16, 0.01, 0.00, 0.00
+        (".0E", 4),
+        (".1g", 4),
+    ],
+)
+def test_values_that_were_rounded_to_one_digit_are_refused(
+    tmp_path: Path, spelling: str, few: int
+) -> None:
+    """Rates of one place, as programs and spreadsheets write them."""
+    rates = [0.158, 0.0141, 0.00117, 0.0004]
+    folder = nshmp(tmp_path, ",".join(format(rate, spelling) for rate in rates))
+    if not few:
+        np.testing.assert_allclose(curve_folder.load(folder).branches[0].pga.rates, rates, 0.05)
+        return
+    with pytest.raises(InputError, match="different values with one digit only") as told:
+        curve_folder.load(folder)
+    assert f"got {few} of" in str(told.value)
+
+
+@pytest.mark.parametrize(
     ("rates", "words"),
     [
         ("0.1,nan,1e-3,1e-4", "values.1: got 'nan'"),
@@ -336,7 +361,7 @@ def test_columns_that_differ_by_case_alone_are_refused(tmp_path: Path) -> None:
 
 
 def test_levels_that_are_never_exceeded_end_a_curve_and_are_counted(tmp_path: Path) -> None:
-    model = curve_folder.load(nshmp(tmp_path, "0.1,0.01,0,0"))
+    model = curve_folder.load(nshmp(tmp_path, "0.10,0.010,0,0"))
     np.testing.assert_allclose(model.branches[0].pga.rates, [0.1, 0.01])
     assert model.unused == ("2 levels of PGA that nothing exceeds left out, at ends of curves",)
 

@@ -21,12 +21,14 @@ from pipeline.config.hazard_schema import (
     NormalAge,
     SampledAge,
 )
+from pipeline.config.layers import Origin
 from pipeline.config.observation_schema import Earthquake
 from pipeline.config.problems import InputError
 from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
+from pipeline.stages.hazard.open_ends import left_open
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_fits, of_members
@@ -109,6 +111,42 @@ def test_survival_of_members_that_topple_from_a_level_on() -> None:
         assert [low[n], high[n]] == pytest.approx(expected, rel=0.12)
     exact = [np.exp(-2e3 * rate * thresholds**-SLOPE).mean() for rate in (1e-5, 1e-4)]
     np.testing.assert_allclose(analysis.results().survival, exact, rtol=0.06)
+
+
+def ended(level: float, often: float, years: float) -> HazardCurve:
+    """A power law up to a level [g], which is so often exceeded in some years."""
+    levels = np.geomspace(0.01, level, 20)
+    return HazardCurve(GRAVITY * levels, often / years * (levels / level) ** -SLOPE)
+
+
+@pytest.mark.parametrize(
+    ("level", "often", "told"),
+    [
+        (0.3, 0.04, ""),
+        (0.3, 0.2, "survival is 1, but 0.82 if"),  # exp(-0.2)
+        (0.3, 8.0, "refused"),
+        (0.3, 0.7, "refused"),  # exp(-0.7) = 0.497
+        (1.0, 1.0, ""),  # which topples the rock, and all beyond
+    ],
+)
+def test_a_curve_that_ends_before_the_rock_topples(level: float, often: float, told: str) -> None:
+    """One that topples from 0.5 g on; what is beyond the last level of the curve topples it or not.
+
+    Alone, and beside a branch that is rejected, of which nothing matters any more.
+    """
+    origin, years = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml")), 2e3
+    rock = DatedRock("rock", ensemble([0.5], 800), np.array([years]))
+    for others in [], [curve(1.0)]:
+        curves = [ended(level, often, years), *others]
+        branches = map(Branch, "ab", "ab", [1.0 / len(curves)] * 2, curves)
+        analysis = of_curves(HazardModel(tuple(branches), None), rock)
+        if told != "refused":
+            words = left_open(analysis, analysis.results(), origin)
+            assert len(words) == bool(told)
+            assert all(told in one for one in words)
+            continue
+        with pytest.raises(InputError, match=r"rock\.yaml: hazard\.curves: got a curve"):
+            left_open(analysis, analysis.results(), origin)
 
 
 def stand(
