@@ -174,7 +174,7 @@ def test_worker_of_other_code_is_refused(
     assert ran.code == 2, ran.err
     refusals = [line for line in ran.err.splitlines() if line.startswith("vsr: ")]
     assert len(refusals) == 1
-    for word in ("other code", "vsr_core/engines/bullet/world.py", "start it again"):
+    for word in ("other code", "vsr_core.engines.bullet.world", "start it again"):
         assert word in refusals[0]
     assert "Traceback" not in ran.err
     assert rows(derived / "rock") == {}
