@@ -1027,6 +1027,49 @@ def test_a_pulse_that_is_sampled_often_is_not_clipped(step: float, width: float)
         assert repaired(record(pulse, step)) is not None
 
 
+@pytest.mark.parametrize("digits", [3, 9])
+def test_a_record_of_few_digits_is_refused(digits: int) -> None:
+    """Also with an offset, or in a unit of which its last digit is no power of ten."""
+    few = np.round(VALUES / np.abs(VALUES).max() * digits)
+    said = f"{digits} from rest to peak"
+    for one in (few, 0.013 * few, few + 0.3 * digits):
+        refusal(lambda one=one: repaired(record(one)), "in steps of", said, "more digits")
+    assert repaired(record(np.round(VALUES / np.abs(VALUES).max() * 30))) is not None
+    wave = np.sin(0.25 * np.pi * np.arange(400))  # of three values and their negatives, not rounded
+    assert repaired(record(wave)) is not None
+
+
+@pytest.mark.parametrize("number", [6, 10, 30])
+@pytest.mark.parametrize("steps", [300, 1e6])
+def test_gaps_that_were_filled_are_refused(number: int, steps: float) -> None:
+    """By the value before them or by zeros, soon after the peak."""
+    rounded = np.round(VALUES / np.abs(VALUES).max() * steps) / steps
+    start = int(np.abs(rounded).argmax()) + 2
+    held, zeros = rounded.copy(), rounded.copy()
+    held[start : start + number] = held[start - 1]
+    zeros[start : start + number] = 0.0
+    said = f"from {(start - 1) * STEP:.4g} s on, amid shaking"
+    refusal(lambda: repaired(record(held)), f"{number + 1} samples in a row", said, "gap")
+    refusal(lambda: repaired(record(zeros)), f"{number} samples in a row of 0 (m/s2)", "amid")
+
+
+@pytest.mark.parametrize("step", [0.002, 0.01])
+def test_rest_between_pulses_is_no_gap(step: float) -> None:
+    """Sines, half sines, and cosines, which begin at a peak."""
+    phase = np.arange(0.0, 12.0, step) % 2.0 / 0.5
+    for pulse in (np.sin(2 * np.pi * phase), np.sin(np.pi * phase), np.cos(2 * np.pi * phase)):
+        at_rest = record(np.where(phase < 1.0, pulse, 0.0), step)
+        assert repaired(at_rest) is at_rest
+
+
+def test_counts_that_stay_the_same_in_quiet_are_no_gap() -> None:
+    rng = np.random.default_rng(4)
+    swell = 3000.0 * np.exp(-0.01 * np.maximum(np.arange(6000) - 2000, 0.0))
+    swell[:2000] = 0.0
+    counts = record(np.round(swell * np.sin(0.3 * np.arange(6000)) + 0.4 * rng.normal(size=6000)))
+    assert repaired(replace(counts, acceleration=0.001 * counts.acceleration)) is not None
+
+
 @pytest.mark.parametrize("places", [[100], [37, 251], [100, 101], [0], [399]])
 @pytest.mark.parametrize(("mark", "unit"), [(-999.0, "gal"), (999.99, "cm/s2"), (-9999.0, "mm/s2")])
 def test_marks_of_missing_samples_are_no_samples(places: list[int], mark: float, unit: str) -> None:

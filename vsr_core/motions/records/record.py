@@ -86,9 +86,8 @@ class Record:
             given, rule = f"{len(self.channels)} channels ({listed})", "a rock is shaken along one"
             raise InvalidInput(given, rule, "name one of them as motion.component")
         if name is not None and name not in self.channels:
-            raise InvalidInput(
-                f"no channel {name!r}", f"the channels are {listed}", "name one of them"
-            )
+            rule = f"the channels are {listed}"
+            raise InvalidInput(f"no channel {name!r}", rule, "name one of them")
         if len(self.channels) == 1:
             return self
         at = self.channels.index(str(name))
@@ -125,9 +124,8 @@ def factor(unit: str) -> float:
         remedy = "give miniSEED or SAC with its response (motion.response), or convert it to m/s2"
         raise InvalidInput(f"a record in {unit}", rule, remedy)
     if name not in _KNOWN:
-        raise InvalidInput(
-            f"the unit {unit!r}", "it is m/s2, cm/s2, mm/s2, gal, g or mg", "correct motion.unit"
-        )
+        rule = "it is m/s2, cm/s2, mm/s2, gal, g or mg"
+        raise InvalidInput(f"the unit {unit!r}", rule, "correct motion.unit")
     return _KNOWN[name]
 
 
@@ -262,7 +260,7 @@ def repaired(record: Record) -> Record:
     Raises
     ------
     InvalidInput
-        For a record with no motion, long gaps, marks of them, flat tops, or a PGA in another unit.
+        For a record with no motion, long gaps, samples that are none, or a PGA in another unit.
     """
     record = _bridged(record)
     values = record.acceleration
@@ -282,11 +280,11 @@ def repaired(record: Record) -> Record:
 
 
 def check_samples(values: Array, unit: str, step: float) -> None:
-    """Refuse marks of missing samples, spikes and flat tops in what an instrument recorded.
+    """Refuse marks of missing samples, spikes, flat tops, few digits and filled gaps.
 
     Parameters
     ----------
-    values : ndarray, shape (n,), in the unit of the file, of acceleration or of counts
+    values : ndarray, shape (n,), as recorded, in the unit of the file or in counts
     step : float [s]
 
     Raises
@@ -299,6 +297,8 @@ def check_samples(values: Array, unit: str, step: float) -> None:
         given = f"{clipped} samples in a row within 1 % of the record's extreme ({unit})"
         rule = "an instrument that is not clipped passes its peak"
         raise InvalidInput(given, rule, "use another record or component")
+    digits.refuse_coarse(values, unit)
+    digits.refuse_still(values, unit, step)
 
 
 def check_rest(trace: Trace) -> None:
