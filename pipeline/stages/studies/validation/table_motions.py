@@ -16,7 +16,7 @@ from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA
 from pipeline.workflow.keys import digest_bytes
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
-from vsr_core.motions import even_times
+from vsr_core.motions import digits, even_times
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.named_columns import check_format
 from vsr_core.motions.pulses import CosinePulse
@@ -132,6 +132,11 @@ def _motion(path: Path, name: str, number: int, values: Array, interval: float) 
         given = f"a peak of {peak:.3g} m/s2 in test {number}"
         rule = f"it is {SMALLEST_PGA:g} to {LARGEST_PGA:g} g"
         raise refused(path, name, given, rule, "correct the unit, or drop the test")
+    try:
+        for moving in along.T[np.ptp(along, axis=0) > 0.0]:
+            digits.refuse_still(moving, f"test {number}", interval)
+    except InvalidInput as error:
+        raise refused(path, name, error.given, error.rule, "mend or drop the test") from None
     if along.shape[1] == 1:
         return RecordedMotion(Trace(along[:, 0].copy(), interval))
     whole = np.zeros((len(along), 3))

@@ -63,6 +63,16 @@ def one_test(factor: float) -> Change:
     )
 
 
+def filled(value: float) -> Change:
+    """The motion of the first test with a gap of 0.1 s in its strongest shaking."""
+
+    def change(data: xr.Dataset) -> xr.Dataset:
+        data["acceleration"][0, 190:210] = value
+        return data
+
+    return change
+
+
 def along(names: list[Any]) -> Change:
     """The motions along two components."""
 
@@ -109,6 +119,8 @@ def test_records_that_were_replaced_are_read_again(tmp_path: Path) -> None:
         (counted([200, 200], "other"), "n_samples: .*whole number for each test"),
         (at_rate(100.0), "time: got a step of 0.005 s beside a sampling_rate_hz of 100"),
         (one_test(0.06), r"peaks of 0\.089\d+ times pga_g \(test 1\)"),
+        (filled(0.0), "acceleration: got 20 samples in a row of 0 .test 1. from 0.95 s on"),
+        (filled(-1.5), "acceleration: got 20 samples in a row of -1.5 .test 1. from 0.95 s on"),
         (along(["y", "x"]), "got components y, x; they are x, y, z"),
         (along(["up", "x"]), "got components up, x; they are x, y, z"),
         (along(["Y", "X"]), "got components Y, X; they are x, y, z"),
