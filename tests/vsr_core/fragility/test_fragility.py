@@ -434,7 +434,7 @@ def test_island_is_held_by_the_smooth_model_and_not_by_the_logistic():
     assert logistic.probability[island].mean() < logistic.probability[between].mean()
     assert smooth.scores.accuracy > 0.97
     assert result.recommended == "smooth"
-    assert "2 toppled cluster" in result.reason
+    assert "toppled clusters: 2;" in result.reason
     # the median is the first crossing: the island where there is one, the main region elsewhere
     assert AXIS[13] < smooth.median[28] < AXIS[16]
     assert AXIS[24] < smooth.median[45] < AXIS[27]
