@@ -175,7 +175,7 @@ def refuse_coarse(values: Array, name: str) -> None:
     steps = np.abs(np.diff(values))
     least = steps[steps > 0.0].min()
     most = float(np.abs(values - np.median(values)).max() / least)
-    if round(most, 3) < _FEWEST:
+    if round(most, 3) < _FEWEST and np.count_nonzero(steps) > 2 * _FEWEST:  # else made of pushes
         whole = (values - values[0]) / least
         if np.abs(whole - np.rint(whole)).max() < 0.01:
             given = f"samples ({name}) in steps of {least:.4g}, {most:.3g} from rest to peak"
