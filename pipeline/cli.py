@@ -83,12 +83,13 @@ def _lacking(error: Exception) -> InputError | None:
 
 
 def _edited(error: Exception) -> InputError | None:
-    """That code is not what it was when it was first read, if that may be what was wrong."""
-    tracing = sys.modules.get("vsr_core.source.tracing")
-    with suppress(OSError):  # texts that could not be read at all
-        if edited := tracing.edited() if tracing else []:
-            given = f"what was edited or moved while the command was at work ({error!r})"
-            return edited_since(edited[0], given)
+    """That code, or a page, is not what it was when first read, if that may be what was wrong."""
+    for name in ("vsr_core.source.tracing", "pipeline.workflow.pages"):
+        texts = sys.modules.get(name)
+        with suppress(OSError, ValueError):  # ones that cannot be read at all, or are no text
+            if edited := texts.edited() if texts else []:
+                given = f"what was edited or moved while the command was at work ({error!r})"
+                return edited_since(edited[0], given)
     return None
 
 

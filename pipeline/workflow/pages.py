@@ -6,9 +6,10 @@ import math
 from functools import cache
 from typing import Any
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined, meta
+from jinja2 import Environment, FunctionLoader, StrictUndefined, TemplateSyntaxError, meta
 
 from pipeline import ROOT
+from pipeline.config.problems import edited_since
 from pipeline.workflow import grammar
 from pipeline.workflow.keys import digest_bytes
 
@@ -30,6 +31,8 @@ def filled(name: str, facts: dict[str, Any], up: str = "../") -> str:
 
 def source(name: str) -> str:
     """Text of a template, style sheet, script or table of this package, by its file name."""
+    if name not in texts():
+        raise edited_since(name, "none when a command began that needs it")
     return texts()[name]
 
 
@@ -42,7 +45,10 @@ def digest(name: str) -> str:
 @cache
 def _parts(text: str) -> list[str]:
     """Names of the templates that a template names; to parse one takes 5 ms."""
-    return sorted(filter(None, meta.find_referenced_templates(_environment().parse(text))))
+    try:
+        return sorted(filter(None, meta.find_referenced_templates(_environment().parse(text))))
+    except TemplateSyntaxError as error:
+        raise edited_since("a template", f"one that is saved in part ({error})") from None
 
 
 @cache
@@ -50,6 +56,12 @@ def texts() -> dict[str, str]:
     """All of them, read together: what is edited while a command is at work is for the next one."""
     found = (path for path in (ROOT / "pipeline").rglob("*") if path.suffix in _SUFFIXES)
     return {path.name: path.read_text(encoding="utf-8") for path in found if path.is_file()}
+
+
+def edited() -> list[str]:
+    """Those that are gone by now, or say something else."""
+    by_now = texts.__wrapped__()
+    return [name for name, text in texts().items() if by_now.get(name) != text]
 
 
 _SUFFIXES = (".html", ".css", ".js", ".yaml")

@@ -70,6 +70,11 @@ class HazardCurve:
         x, y = np.log(self.levels[::-1]), np.log(self.rates[::-1])
         return float(np.exp(np.interp(np.log(rate), y, x, left=np.nan, right=np.nan)))
 
+    def up_to(self, level: float) -> HazardCurve:
+        """The same without the levels beyond one [m/s^2], but for the first two."""
+        number = max(2, int(np.searchsorted(self.levels, level, side="right")))
+        return HazardCurve(self.levels[:number], self.rates[:number])
+
 
 def _check_levels(levels: Array) -> None:
     if not (np.diff(levels, prepend=0.0) > 0.0).all():

@@ -106,7 +106,8 @@ def make(
     by_member = analysis.survival_of_others()
     all_cases = cases(analysis, assumed.alternatives, compared)
     results = all_cases[0].results
-    for beyond in (open_ends := left_open(analysis, results, work.origin)):
+    of_pgv = assumed.source == "curves"
+    for beyond in (open_ends := left_open(analysis, results, work.origin, of_pgv=of_pgv)):
         work.log(f"hazard: {beyond}")
     found = dataset(analysis, results, by_member, all_cases)
     facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves)

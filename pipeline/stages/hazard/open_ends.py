@@ -1,6 +1,8 @@
-"""Shaking beyond the last levels of curves, of which only the rate is known."""
+"""Shaking beyond the last levels of curves, of which only the rate is known, or the PGA as well."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,9 +18,13 @@ levels topples the rocks: below the first it is told, below the second the curve
 
 
 def left_open(
-    analysis: SurvivalAnalysis, results: BranchResults, origin: Origin
+    analysis: SurvivalAnalysis, results: BranchResults, origin: Origin, *, of_pgv: bool
 ) -> tuple[str, ...]:
     """What survival may be too large by, in words, where it matters.
+
+    Parameters
+    ----------
+    of_pgv : whether PGV/PGA is of curves of PGV, which may end before those of PGA
 
     Raises
     ------
@@ -27,17 +33,22 @@ def left_open(
     """
     if not isinstance(analysis.shaking, CurveShaking):
         return ()
-    fallen = analysis.survival(analysis.shaking.largest_rates)
+    shaking, last = analysis.shaking, float(analysis.shaking.table.levels[-1])
+    if of_pgv:
+        shaking = replace(shaking, curves=tuple(one.up_to(last) for one in shaking.curves))
+    standing, fallen = map(analysis.survival, (shaking.rates, shaking.largest_rates))
     weights = np.where(results.rejected, 0.0, analysis.weights)
-    most, least = weights @ results.survival, weights @ fallen
+    most, least = weights @ standing, weights @ fallen
     if least >= TOLD * most:
         return ()
-    worst = int(np.argmax(weights * (results.survival - fallen)))
-    curve, branch = analysis.curves[worst], analysis.model.branches[worst]
+    worst = int(np.argmax(weights * (standing - fallen)))
+    curve, whole = shaking.curves[worst], analysis.curves[worst]
+    branch = analysis.model.branches[worst]
     number = curve.rates[-1] * np.mean(analysis.rocks[0].ages)
+    what = "PGV ends where PGA is" if len(curve.levels) < len(whole.levels) else "PGA ends at"
     given = (
-        f"a curve (branch {branch.name}) that ends at {in_g(curve.levels[-1]):.3g} g, which is "
-        f"exceeded {number:.2g} times within the age: survival is {results.survival[worst]:.2g}, "
+        f"a curve (branch {branch.name}) whose {what} {in_g(curve.levels[-1]):.3g} g, "
+        f"which is exceeded {number:.2g} times within the age: survival is {standing[worst]:.2g}, "
         f"but {fallen[worst]:.2g} if all of that shaking topples the rock"
     )
     if least < LEAST * most:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.config.problems import InputError
 from pipeline.workflow import pages
 
 
@@ -37,7 +38,21 @@ def test_a_page_is_made_of_what_its_key_is_of(template: Path, later: str | None)
     else:
         template.write_text(later)
     before = pages.digest("page.html")
+    assert pages.edited() == ["page.html"]
     assert pages.filled("page.html", {"words": "said"}) == "said"
     forget()
     template.write_text("{{ words }}")
     assert pages.digest("page.html") == before
+
+
+@pytest.mark.parametrize("before", ["{% if words %}", "{% include 'other.html' %}", None])
+def test_a_template_that_is_no_page_when_a_command_begins_is_refused(
+    template: Path, before: str | None
+) -> None:
+    """Saved in part just then, or moved, or naming one that is."""
+    if before is None:
+        template.unlink()
+    else:
+        template.write_text(before)
+    with pytest.raises(InputError, match="give the same command again"):
+        pages.digest("page.html")

@@ -141,12 +141,33 @@ def test_a_curve_that_ends_before_the_rock_topples(level: float, often: float, t
         branches = map(Branch, "ab", "ab", [1.0 / len(curves)] * 2, curves)
         analysis = of_curves(HazardModel(tuple(branches), None), rock)
         if told != "refused":
-            words = left_open(analysis, analysis.results(), origin)
+            words = left_open(analysis, analysis.results(), origin, of_pgv=False)
             assert len(words) == bool(told)
             assert all(told in one for one in words)
             continue
         with pytest.raises(InputError, match=r"rock\.yaml: hazard\.curves: got a curve"):
-            left_open(analysis, analysis.results(), origin)
+            left_open(analysis, analysis.results(), origin, of_pgv=False)
+
+
+@pytest.mark.parametrize("often", [8.0, 0.2])
+def test_curves_of_pgv_that_end_before_the_rock_topples(often: float) -> None:
+    """So often in its age; PGA goes on to 3 g. The rock topples from 0.5 g on."""
+    origin, years = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml")), 2e3
+    rock = DatedRock("rock", ensemble([0.5], 800), np.array([years]))
+    ends = ended(3.0, 1.0, years).levels[11] / GRAVITY
+    whole = ended(3.0, often * (ends / 3.0) ** SLOPE, years)
+    analysis = of_curves(HazardModel((Branch("a", "a", 1.0, whole),), None), rock)
+    table = RatioTable(GRAVITY * np.array([0.01, ends]), np.full(2, 0.1), np.full(2, 0.4))
+    analysis = replace(analysis, shaking=replace(analysis.shaking, table=table))
+    results, words = analysis.results(), rf"whose PGV ends where PGA is {ends:.3g} g"
+    assert left_open(analysis, results, origin, of_pgv=False) == ()
+    if often > 1.0:
+        with pytest.raises(InputError, match=words):
+            left_open(analysis, results, origin, of_pgv=True)
+    else:
+        (told,) = left_open(analysis, results, origin, of_pgv=True)
+        assert words in told
+        assert f"survival is 1, but {np.exp(-often):.2g} if" in told
 
 
 def stand(
