@@ -156,6 +156,16 @@ def peak_velocity(motion: GroundMotion) -> float:
     raise TypeError(f"{type(motion).__name__} is no record")
 
 
+def offset(motion: GroundMotion) -> float:
+    """Largest mean of the horizontal accelerations, as a share of their peak."""
+    match motion:
+        case RecordedMotion(trace):
+            return float(abs(trace.acceleration.mean()) / np.abs(trace.acceleration).max())
+        case ComponentMotion((x, y, _)):
+            return max(offset(one) for one in (x, y) if one.trace.acceleration.any())
+    raise TypeError(f"{type(motion).__name__} is no record")
+
+
 def identity(motion: GroundMotion) -> str:
     """What tells a motion from all others: digest of its samples, or its parameters."""
     match motion:

@@ -63,6 +63,11 @@ def one_test(factor: float) -> Change:
     )
 
 
+def added(offset: float) -> Change:
+    """An offset [m/s2] of the accelerometer, of peaks of 2.9 and 5.8."""
+    return lambda data: data.assign(acceleration=data["acceleration"] + offset)
+
+
 def filled(value: float) -> Change:
     """The motion of the first test with a gap of 0.1 s in its strongest shaking."""
 
@@ -225,6 +230,7 @@ def test_records_that_fit_the_table_are_not_told(tmp_path: Path) -> None:
         (one_test(0.21), "peaks of 1 test of records.nc (1) are not within a factor of 3 of pga_g"),
         (at_times(lambda t: 2.0 * t), "peak velocities of records.nc are 2.1"),
         (at_times(lambda t: 0.5 * t), "peak velocities of records.nc are 0.53"),
+        (added(0.3), "accelerations of records.nc have a mean of 7% of their peak (median)"),
     ],
 )
 def test_records_that_differ_from_the_table_are_told(
