@@ -33,7 +33,7 @@ from pipeline.stages.hazard.hazard_dataset import (
     table,
 )
 from pipeline.stages.hazard.hazard_model import MOST_PGA
-from pipeline.stages.hazard.open_ends import left_open
+from pipeline.stages.hazard.open_ends import begun_late, left_open
 from pipeline.stages.hazard.other_rocks import Others, dated
 from pipeline.stages.hazard.rock_ages import of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import of_fits, of_members
@@ -107,9 +107,12 @@ def make(
     all_cases = cases(analysis, assumed.alternatives, compared)
     results = all_cases[0].results
     of_pgv = assumed.source == "curves"
-    for beyond in (open_ends := left_open(analysis, results, work.origin, of_pgv=of_pgv)):
-        work.log(f"hazard: {beyond}")
     found = dataset(analysis, results, by_member, all_cases)
+    open_ends = left_open(analysis, results, work.origin, of_pgv=of_pgv)
+    if not isinstance(analysis.shaking, EventShaking):
+        open_ends += begun_late(found, work.origin)
+    for one in open_ends:
+        work.log(f"hazard: {one}")
     facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves)
     others = [*beside.earlier, *(o for one in beside.rocks for o in (one, *one.earlier))]
     facts["earthquakes"] = sum(map(years_observed, [seen, *(one.observed for one in others)]))

@@ -26,9 +26,9 @@ from pipeline.config.observation_schema import Earthquake
 from pipeline.config.problems import InputError
 from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.hazard.hazard import sentence
-from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
+from pipeline.stages.hazard.hazard_dataset import dataset, survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
-from pipeline.stages.hazard.open_ends import left_open
+from pipeline.stages.hazard.open_ends import begun_late, left_open
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_fits, of_members
@@ -147,6 +147,26 @@ def test_a_curve_that_ends_before_the_rock_topples(level: float, often: float, t
             continue
         with pytest.raises(InputError, match=r"rock\.yaml: hazard\.curves: got a curve"):
             left_open(analysis, analysis.results(), origin, of_pgv=False)
+
+
+@pytest.mark.parametrize(
+    ("thresholds", "told"), [([0.5] * 20, 0), ([0.1, *[0.5] * 19], 1), ([0.1, 0.5], 2)]
+)
+def test_curves_that_begin_where_the_rock_topples(thresholds: list[float], told: int) -> None:
+    """At 0.20 g, where none, a 20th or half of the draws topple: silent, told, refused."""
+    origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
+    rock = DatedRock("rock", ensemble(thresholds, 800), np.array([1e3]))
+    whole = curve(1e-5)
+    late = HazardCurve(whole.levels[17:], whole.rates[17:])
+    analysis = of_curves(HazardModel((Branch("a", "a", 1.0, late),), None), rock)
+    found = dataset(
+        analysis, analysis.results(), analysis.survival_of_others(), cases(analysis, {}, {})
+    )
+    if told == 2:
+        with pytest.raises(InputError, match=r"begin at 0.203 g, of which 50% topples the rock"):
+            begun_late(found, origin)
+    else:
+        assert len(begun_late(found, origin)) == told
 
 
 @pytest.mark.parametrize("often", [8.0, 0.2])
