@@ -31,8 +31,8 @@ def filled(name: str, facts: dict[str, Any], up: str = "../") -> str:
 
 def source(name: str) -> str:
     """Text of a template, style sheet, script or table of this package, by its file name."""
-    if name not in texts():
-        raise edited_since(name, "none when a command began that needs it")
+    if not texts().get(name):
+        raise edited_since(name, "nothing when a command began that needs it")
     return texts()[name]
 
 
@@ -55,7 +55,10 @@ def _parts(text: str) -> list[str]:
 def texts() -> dict[str, str]:
     """All of them, read together: what is edited while a command is at work is for the next one."""
     found = (path for path in (ROOT / "pipeline").rglob("*") if path.suffix in _SUFFIXES)
-    return {path.name: path.read_text(encoding="utf-8") for path in found if path.is_file()}
+    try:
+        return {path.name: path.read_text(encoding="utf-8") for path in found if path.is_file()}
+    except UnicodeDecodeError as error:
+        raise edited_since("a template", f"one that is saved in part ({error})") from None
 
 
 def edited() -> list[str]:

@@ -41,7 +41,7 @@ or more, nor interpolated linearly from 200 to 1000 Hz."""
 
 _RESTS, _JUMPS = 0.01, 1.5
 """Share of the peak within which a value is rest; times the steps beside from which on a step to it
-or from it is a jump."""
+or from it is a jump, if it is of twice that share."""
 
 _JOINED = ((80, 0.3), (320, 0.8))
 """Samples about the hardest bends, and share of them that does not bend where lines join them. Of
@@ -206,18 +206,18 @@ def refuse_still(values: Array, name: str, step: float) -> None:
         pace = min(np.median(np.abs(np.diff(side))) for side in beside)
         if pace < _AMID * least or pace < _AMID * last(np.concatenate(beside)).max():
             continue
-        if np.abs(values[start] - rests).min() > near or _jumps(values[start], beside):
+        if np.abs(values[start] - rests).min() > near or _jumps(values[start], beside, 2.0 * near):
             given = f"{length + 1} samples in a row of {values[start]:.6g} ({name}) from "
             given += f"{start * step:.4g} s on, amid shaking"
             rule = "an instrument does not stand still while it is shaken"
             raise InvalidInput(given, rule, "they fill a gap: cut the record before or after it")
 
 
-def _jumps(rest: float, beside: tuple[Array, Array]) -> bool:
+def _jumps(rest: float, beside: tuple[Array, Array], least: float) -> bool:
     """Whether samples, towards a rest, end with a step to it like no other, but not at a peak."""
     sizes = [np.abs(side - rest) for side in beside]
     jumps = any(
-        size[-1] > _JUMPS * np.abs(np.diff(side)).max()
+        size[-1] > max(_JUMPS * np.abs(np.diff(side)).max(), least)
         for size, side in zip(sizes, beside, strict=True)
     )
     return jumps and not all(size[-1] == size.max() for size in sizes)

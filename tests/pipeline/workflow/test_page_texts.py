@@ -45,14 +45,16 @@ def test_a_page_is_made_of_what_its_key_is_of(template: Path, later: str | None)
     assert pages.digest("page.html") == before
 
 
-@pytest.mark.parametrize("before", ["{% if words %}", "{% include 'other.html' %}", None])
+@pytest.mark.parametrize(
+    "before", ["{% if words %}", "{% include 'other.html' %}", None, "", b"caf\xc3"]
+)
 def test_a_template_that_is_no_page_when_a_command_begins_is_refused(
-    template: Path, before: str | None
+    template: Path, before: str | bytes | None
 ) -> None:
     """Saved in part just then, or moved, or naming one that is."""
     if before is None:
         template.unlink()
     else:
-        template.write_text(before)
+        template.write_bytes(before if isinstance(before, bytes) else before.encode())
     with pytest.raises(InputError, match="give the same command again"):
         pages.digest("page.html")

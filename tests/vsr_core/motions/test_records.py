@@ -1062,6 +1062,16 @@ def test_rest_between_pulses_is_no_gap(step: float) -> None:
         assert repaired(at_rest) is at_rest
 
 
+def test_an_aftershock_appended_after_zeros_is_no_gap() -> None:
+    """Both of noise that swells and fades, to 1 % of its peak where the zeros begin and end."""
+    rng, slow = np.random.default_rng(8), np.hanning(41)
+    for _ in range(40):
+        fading = np.exp(-0.004 * np.abs(np.arange(2400.0) - 1200.0))
+        shocks = [fading * np.convolve(rng.normal(size=2400), slow, "same") for _ in "ab"]
+        both = record(np.concatenate([shocks[0], np.zeros(2000), shocks[1]]))
+        assert repaired(both) is both
+
+
 def test_counts_that_stay_the_same_in_quiet_are_no_gap() -> None:
     rng = np.random.default_rng(4)
     swell = 3000.0 * np.exp(-0.01 * np.maximum(np.arange(6000) - 2000, 0.0))

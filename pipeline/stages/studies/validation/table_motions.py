@@ -162,7 +162,8 @@ def offset(motion: GroundMotion) -> float:
         case RecordedMotion(trace):
             return float(abs(trace.acceleration.mean()) / np.abs(trace.acceleration).max())
         case ComponentMotion((x, y, _)):
-            return max(offset(one) for one in (x, y) if one.trace.acceleration.any())
+            both = np.array([x.trace.acceleration, y.trace.acceleration])
+            return float(np.abs(both.mean(axis=1)).max() / np.abs(both).max())
     raise TypeError(f"{type(motion).__name__} is no record")
 
 
