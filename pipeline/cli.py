@@ -86,7 +86,7 @@ def _edited(error: Exception) -> InputError | None:
     """That code, or a page, is not what it was when first read, if that may be what was wrong."""
     for name in ("vsr_core.source.tracing", "pipeline.workflow.pages"):
         texts = sys.modules.get(name)
-        with suppress(OSError, ValueError):  # ones that cannot be read at all, or are no text
+        with suppress(OSError):  # ones that cannot be read at all
             if edited := texts.edited() if texts else []:
                 given = f"what was edited or moved while the command was at work ({error!r})"
                 return edited_since(edited[0], given)

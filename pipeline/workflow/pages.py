@@ -31,9 +31,13 @@ def filled(name: str, facts: dict[str, Any], up: str = "../") -> str:
 
 def source(name: str) -> str:
     """Text of a template, style sheet, script or table of this package, by its file name."""
-    if not texts().get(name):
-        raise edited_since(name, "nothing when a command began that needs it")
-    return texts()[name]
+    try:
+        if text := texts().get(name, b"").decode():
+            return text
+        given = "nothing when a command began that needs it"
+    except UnicodeDecodeError as error:
+        given = f"one that is saved in part ({error})"
+    raise edited_since(name, given)
 
 
 def digest(name: str) -> str:
@@ -52,13 +56,10 @@ def _parts(text: str) -> list[str]:
 
 
 @cache
-def texts() -> dict[str, str]:
+def texts() -> dict[str, bytes]:
     """All of them, read together: what is edited while a command is at work is for the next one."""
     found = (path for path in (ROOT / "pipeline").rglob("*") if path.suffix in _SUFFIXES)
-    try:
-        return {path.name: path.read_text(encoding="utf-8") for path in found if path.is_file()}
-    except UnicodeDecodeError as error:
-        raise edited_since("a template", f"one that is saved in part ({error})") from None
+    return {path.name: path.read_bytes() for path in found if path.is_file()}
 
 
 def edited() -> list[str]:

@@ -57,10 +57,12 @@ def left_open(
     """
     if not isinstance(analysis.shaking, CurveShaking):
         return ()
-    shaking, last = analysis.shaking, float(analysis.shaking.table.levels[-1])
+    shaking, standing = analysis.shaking, results.survival
     if of_pgv:
+        last = float(shaking.table.levels[-1])
         shaking = replace(shaking, curves=tuple(one.up_to(last) for one in shaking.curves))
-    standing, fallen = map(analysis.survival, (shaking.rates, shaking.largest_rates))
+        standing = analysis.survival(shaking.rates)
+    fallen = analysis.survival(shaking.largest_rates)
     weights = np.where(results.rejected, 0.0, analysis.weights)
     most, least = weights @ standing, weights @ fallen
     if least >= TOLD * most:

@@ -29,14 +29,19 @@ def forget() -> None:
         kept.cache_clear()
 
 
-@pytest.mark.parametrize("later", ["{{ words", "other words", None])
-def test_a_page_is_made_of_what_its_key_is_of(template: Path, later: str | None) -> None:
-    """Though its template is edited, saved half-written or moved while the command is at work."""
-    pages.source("page.css")
-    if later is None:
+def save(template: Path, text: bytes | None) -> None:
+    """Save a template, or move it away."""
+    if text is None:
         template.unlink()
     else:
-        template.write_text(later)
+        template.write_bytes(text)
+
+
+@pytest.mark.parametrize("later", [b"{{ words", b"other words", b"caf\xc3", None])
+def test_a_page_is_made_of_what_its_key_is_of(template: Path, later: bytes | None) -> None:
+    """Though its template is edited, saved half-written or moved while the command is at work."""
+    pages.source("page.css")
+    save(template, later)
     before = pages.digest("page.html")
     assert pages.edited() == ["page.html"]
     assert pages.filled("page.html", {"words": "said"}) == "said"
@@ -46,15 +51,12 @@ def test_a_page_is_made_of_what_its_key_is_of(template: Path, later: str | None)
 
 
 @pytest.mark.parametrize(
-    "before", ["{% if words %}", "{% include 'other.html' %}", None, "", b"caf\xc3"]
+    "before", [b"{% if words %}", b"{% include 'other.html' %}", b"", b"caf\xc3", None]
 )
 def test_a_template_that_is_no_page_when_a_command_begins_is_refused(
-    template: Path, before: str | bytes | None
+    template: Path, before: bytes | None
 ) -> None:
     """Saved in part just then, or moved, or naming one that is."""
-    if before is None:
-        template.unlink()
-    else:
-        template.write_bytes(before if isinstance(before, bytes) else before.encode())
+    save(template, before)
     with pytest.raises(InputError, match="give the same command again"):
         pages.digest("page.html")

@@ -147,23 +147,25 @@ def _motion(path: Path, name: str, number: int, values: Array, interval: float) 
 
 def peak_velocity(motion: GroundMotion) -> float:
     """Largest horizontal velocity [m/s], without the drift that an offset makes."""
-    match motion:
-        case RecordedMotion(trace):
-            drift = np.linspace(0.0, trace.velocity[-1], len(trace.velocity))
-            return float(np.abs(trace.velocity - drift).max())
-        case ComponentMotion((x, y, _)):
-            return max(peak_velocity(x), peak_velocity(y))
-    raise TypeError(f"{type(motion).__name__} is no record")
+    return max(float(np.abs(_undrifted(one.velocity)).max()) for one in _horizontal(motion))
 
 
 def offset(motion: GroundMotion) -> float:
     """Largest mean of the horizontal accelerations, as a share of their peak."""
+    along = np.array([one.acceleration for one in _horizontal(motion)])
+    return float(np.abs(along.mean(axis=1)).max() / np.abs(along).max())
+
+
+def _undrifted(velocity: Array) -> Array:
+    return velocity - np.linspace(0.0, velocity[-1], len(velocity))
+
+
+def _horizontal(motion: GroundMotion) -> list[Trace]:
     match motion:
         case RecordedMotion(trace):
-            return float(abs(trace.acceleration.mean()) / np.abs(trace.acceleration).max())
+            return [trace]
         case ComponentMotion((x, y, _)):
-            both = np.array([x.trace.acceleration, y.trace.acceleration])
-            return float(np.abs(both.mean(axis=1)).max() / np.abs(both).max())
+            return [*_horizontal(x), *_horizontal(y)]
     raise TypeError(f"{type(motion).__name__} is no record")
 
 
