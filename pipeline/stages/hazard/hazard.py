@@ -109,8 +109,7 @@ def make(
     of_pgv = assumed.source == "curves"
     found = dataset(analysis, results, by_member, all_cases)
     open_ends = left_open(analysis, results, work.origin, of_pgv=of_pgv)
-    if not isinstance(analysis.shaking, EventShaking):
-        open_ends += begun_late(found, work.origin)
+    open_ends += begun_late(analysis, work.origin)
     for one in open_ends:
         work.log(f"hazard: {one}")
     facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves)

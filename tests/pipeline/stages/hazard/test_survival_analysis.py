@@ -26,7 +26,7 @@ from pipeline.config.observation_schema import Earthquake
 from pipeline.config.problems import InputError
 from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.hazard.hazard import sentence
-from pipeline.stages.hazard.hazard_dataset import dataset, survival_error, survival_range
+from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
 from pipeline.stages.hazard.open_ends import begun_late, left_open
 from pipeline.stages.hazard.other_rocks import dated
@@ -42,8 +42,9 @@ from pipeline.stages.hazard.survival_analysis import (
 )
 from vsr_core import GRAVITY
 from vsr_core.hazard.curve import HazardCurve
+from vsr_core.hazard.events import Events
 from vsr_core.hazard.ratio import RatioTable
-from vsr_core.hazard.shaking import CurveShaking
+from vsr_core.hazard.shaking import CurveShaking, counted_shaking
 from vsr_core.hazard.toppling import borders_of
 
 SLOPE = 2.0
@@ -123,7 +124,7 @@ def ended(level: float, often: float, years: float) -> HazardCurve:
     ("level", "often", "told"),
     [
         (0.3, 0.04, ""),
-        (0.3, 0.2, "survival is 1, but 0.82 if"),  # exp(-0.2)
+        (0.3, 0.2, "survival is 0.82 if all of them topple the rock, 1 if none does"),  # exp(-0.2)
         (0.3, 8.0, "refused"),
         (0.3, 0.7, "refused"),  # exp(-0.7) = 0.497
         (1.0, 1.0, ""),  # which topples the rock, and all beyond
@@ -152,21 +153,44 @@ def test_a_curve_that_ends_before_the_rock_topples(level: float, often: float, t
 @pytest.mark.parametrize(
     ("thresholds", "told"), [([0.5] * 20, 0), ([0.1, *[0.5] * 19], 1), ([0.1, 0.5], 2)]
 )
-def test_curves_that_begin_where_the_rock_topples(thresholds: list[float], told: int) -> None:
+@pytest.mark.parametrize("where", ["as it stands", "in an earlier stage", "beside a stronger one"])
+def test_curves_that_begin_where_a_rock_topples(
+    thresholds: list[float], told: int, where: str
+) -> None:
     """At 0.20 g, where none, a 20th or half of the draws topple: silent, told, refused."""
     origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
-    rock = DatedRock("rock", ensemble(thresholds, 800), np.array([1e3]))
+    ages, strong = np.array([1e3]), ensemble([0.5] * len(thresholds), 800)
+    weak = DatedRock("weak", ensemble(thresholds, 800), ages)
+    rocks = {
+        "as it stands": (weak,),
+        "in an earlier stage": (DatedRock("weak", strong, ages, ((weak.fragility, 0.5 * ages),)),),
+        "beside a stronger one": (DatedRock("strong", strong, ages), weak),
+    }[where]
     whole = curve(1e-5)
     late = HazardCurve(whole.levels[17:], whole.rates[17:])
-    analysis = of_curves(HazardModel((Branch("a", "a", 1.0, late),), None), rock)
-    found = dataset(
-        analysis, analysis.results(), analysis.survival_of_others(), cases(analysis, {}, {})
-    )
+    analysis = of_curves(HazardModel((Branch("a", "a", 1.0, late),), None), *rocks)
     if told == 2:
-        with pytest.raises(InputError, match=r"begin at 0.203 g, of which 50% topples the rock"):
-            begun_late(found, origin)
+        with pytest.raises(InputError, match=r"begins at 0.203 g, of which 50% topples weak"):
+            begun_late(analysis, origin)
     else:
-        assert len(begun_late(found, origin)) == told
+        assert len(begun_late(analysis, origin)) == told
+
+
+@pytest.mark.parametrize(("threshold", "refused"), [(0.5, False), (0.15, True)])
+def test_earthquakes_of_which_weak_shaking_was_left_out(threshold: float, refused: bool) -> None:
+    """From 0.2 g on, as OpenQuake's minimum intensity does, of a rock that topples at 0.15 g."""
+    origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
+    rock = DatedRock("rock", ensemble([threshold], 800), np.array([1e3]))
+    pga, number = GRAVITY * np.geomspace(0.2, 2.0, 100), np.arange(100)
+    events = Events(pga, None, 0 * number, number, 1e5, None)
+    borders = borders_of(rock.fragility.ratios)
+    shaking = counted_shaking(events, np.full(100, 0.1), borders, np.ones(1))
+    analysis = SurvivalAnalysis(model(1e-5), (rock,), shaking, 0.05)
+    if refused:
+        with pytest.raises(InputError, match=r"hazard\.events: .* begins at 0.2 g, of which 100%"):
+            begun_late(analysis, origin)
+    else:
+        assert begun_late(analysis, origin) == ()
 
 
 @pytest.mark.parametrize("often", [8.0, 0.2])
@@ -187,7 +211,7 @@ def test_curves_of_pgv_that_end_before_the_rock_topples(often: float) -> None:
     else:
         (told,) = left_open(analysis, results, origin, of_pgv=True)
         assert words in told
-        assert f"survival is 1, but {np.exp(-often):.2g} if" in told
+        assert f"survival is {np.exp(-often):.2g} if all of them topple the rock, 1 if" in told
 
 
 def stand(
