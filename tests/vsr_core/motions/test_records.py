@@ -1027,6 +1027,22 @@ def test_a_pulse_that_is_sampled_often_is_not_clipped(step: float, width: float)
         assert repaired(record(pulse, step)) is not None
 
 
+@pytest.mark.parametrize("written", [".2e", ".3g", ".5g"])
+@pytest.mark.parametrize("period", [0.5, 2.0])
+@pytest.mark.parametrize("step", [0.001, 0.005])
+def test_a_pulse_that_is_written_with_so_many_digits_is_not_clipped(
+    written: str, period: float, step: float
+) -> None:
+    """Near zero its steps are smaller than the last digit of its peak."""
+    time = np.arange(0.0, period, step)
+    whole = np.sin(2.0 * np.pi * time / period) * np.sin(np.pi * time / period)
+    for peak in (0.98, 2.3, 4.9, 9.81):
+        rounded = np.array([float(f"{peak * one:{written}}") for one in whole / whole.max()])
+        assert repaired(record(rounded, step)) is not None
+        cut = np.clip(rounded, -0.5 * peak, 0.5 * peak)
+        refusal(lambda cut=cut: repaired(record(cut, step)), "in a row", "clipped")
+
+
 @pytest.mark.parametrize("digits", [3, 9])
 def test_a_record_of_few_digits_is_refused(digits: int) -> None:
     """Also with an offset, or in a unit of which its last digit is no power of ten."""

@@ -384,15 +384,15 @@ def _bridged(record: Record) -> Record:
 
 def _flat_top(values: Array) -> int:
     """Longest run of samples at an extreme that is reached abruptly; 0 if there is none."""
-    steps = np.abs(np.diff(values))
-    least = float(steps[steps > 0.0].min())
-    middle = np.median(values)
+    middle, steps = np.median(values), np.abs(np.diff(values))
     zero, ends = FLICKER[-1] * np.abs(values).max(), np.abs(values[[0, -1]]).max()
+    written = digits.last(values[np.abs(values) > 0.5 * np.abs(values).max()]).max()
     for size in (values - middle, middle - values):
         top, extreme = float(size.max()), float(values[size.argmax()])
+        coarse = min(written, top - size[size < top].max())  # 5.00 beside 0.00123
+        least = DIGITS * max(steps[steps > 0.0].min(), coarse)
         for share in (0.0, *FLICKER) if max(abs(extreme), ends) > zero else ():  # rest is none
-            at = size >= (1.0 - share) * top
-            near = size >= top - max(ABRUPT * share * top, DIGITS * least)
+            at, near = size >= (1.0 - share) * top, size >= top - max(ABRUPT * share * top, least)
             longest = max(length for _, length in digits.runs(at))
             enough = longest >= FLAT_TOP and at.sum() >= (FLAT if share else FLAT_TOP)
             if enough and near.sum() <= BELOW * at.sum():
