@@ -16,13 +16,13 @@ from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA
 from pipeline.workflow.keys import digest_bytes
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
-from vsr_core.motions import digits, even_times
+from vsr_core.motions import even_times
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.named_columns import check_format
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.records.columns import check_seconds
 from vsr_core.motions.records.components import ComponentMotion
-from vsr_core.motions.records.record import check_sampling, factor
+from vsr_core.motions.records.record import check_samples, check_sampling, factor
 from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.table.stepper import SteppedPulse, Stepper
 
@@ -134,7 +134,7 @@ def _motion(path: Path, name: str, number: int, values: Array, interval: float) 
         raise refused(path, name, given, rule, "correct the unit, or drop the test")
     try:
         for moving in along.T[np.ptp(along, axis=0) > 0.0]:
-            digits.refuse_still(moving, f"test {number}", interval)
+            check_samples(moving, f"test {number}", interval)
     except InvalidInput as error:
         raise refused(path, name, error.given, error.rule, "mend or drop the test") from None
     if along.shape[1] == 1:

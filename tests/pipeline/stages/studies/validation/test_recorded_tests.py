@@ -78,6 +78,19 @@ def filled(value: float) -> Change:
     return change
 
 
+def of_values(change: Callable[[np.ndarray], np.ndarray]) -> Change:
+    """The values of all tests."""
+    return lambda data: data.assign(
+        acceleration=(("test", "time"), change(data["acceleration"].values))
+    )
+
+
+def spiked(values: np.ndarray) -> np.ndarray:
+    """A sample of 20 m/s2 at rest."""
+    values[1, 350] = 20.0
+    return values
+
+
 def along(names: list[Any]) -> Change:
     """The motions along two components."""
 
@@ -126,6 +139,9 @@ def test_records_that_were_replaced_are_read_again(tmp_path: Path) -> None:
         (one_test(0.06), r"peaks of 0\.089\d+ times pga_g \(test 1\)"),
         (filled(0.0), "acceleration: got 20 samples in a row of 0 .test 1. from 0.95 s on"),
         (filled(-1.5), "acceleration: got 20 samples in a row of -1.5 .test 1. from 0.95 s on"),
+        (of_values(lambda a: np.clip(a, -1.5, 1.5)), r"in a row within 1 % .* \(test 1\)"),
+        (of_values(lambda a: a.round(0)), r"samples \(test 2\) in steps of 1, 6 from rest"),
+        (of_values(spiked), r"got 20 \(test 2\) at 1.75 s, far beyond what is beside it"),
         (along(["y", "x"]), "got components y, x; they are x, y, z"),
         (along(["up", "x"]), "got components up, x; they are x, y, z"),
         (along(["Y", "X"]), "got components Y, X; they are x, y, z"),
