@@ -33,7 +33,7 @@ from pipeline.stages.hazard.hazard_dataset import (
     table,
 )
 from pipeline.stages.hazard.hazard_model import MOST_PGA
-from pipeline.stages.hazard.open_ends import begun_late, left_open
+from pipeline.stages.hazard.open_ends import begun_late, beside_rows, left_open
 from pipeline.stages.hazard.other_rocks import Others, dated
 from pipeline.stages.hazard.rock_ages import of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import of_fits, of_members
@@ -109,7 +109,8 @@ def make(
     of_pgv = assumed.source == "curves"
     found = dataset(analysis, results, by_member, all_cases)
     open_ends = left_open(analysis, results, work.origin, of_pgv=of_pgv)
-    open_ends += begun_late(analysis, work.origin)
+    open_ends += begun_late(analysis, work.origin, of_pgv=of_pgv)
+    open_ends += beside_rows(analysis, work.origin)
     for one in open_ends:
         work.log(f"hazard: {one}")
     facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves)

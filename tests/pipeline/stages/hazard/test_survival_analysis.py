@@ -28,7 +28,7 @@ from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
-from pipeline.stages.hazard.open_ends import begun_late, left_open
+from pipeline.stages.hazard.open_ends import begun_late, beside_rows, left_open
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_fits, of_members
@@ -174,6 +174,40 @@ def test_curves_that_begin_where_a_rock_topples(
             begun_late(analysis, origin)
     else:
         assert len(begun_late(analysis, origin)) == told
+
+
+@pytest.mark.parametrize(("threshold", "refused"), [(0.5, False), (0.3, True)])
+def test_curves_of_pgv_that_begin_where_the_rock_topples(threshold: float, refused: bool) -> None:
+    """Where PGA is 0.4 g; what is known of a rock that stands there needs no PGV/PGA below it."""
+    origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
+    analysis = of_curves(model(1e-5), DatedRock("rock", ensemble([threshold], 800), np.ones(1)))
+    table = RatioTable(GRAVITY * np.array([0.4, 2.0]), np.full(2, 0.1), np.full(2, 0.4))
+    analysis = replace(analysis, shaking=replace(analysis.shaking, table=table))
+    assert begun_late(analysis, origin) == ()
+    if refused:
+        with pytest.raises(InputError, match=r"PGV begins where PGA is 0.4 g, of which 100%"):
+            begun_late(analysis, origin, of_pgv=True)
+    else:
+        assert begun_late(analysis, origin, of_pgv=True) == ()
+
+
+@pytest.mark.parametrize(
+    ("ratios", "share"),
+    [([0.04, 0.25], 0.0), ([0.1], 0.39), ([0.1, 0.2], 0.2), ([0.2, 0.4], 0.81), ([0.02], 1.0)],
+)
+def test_runs_of_another_pgv_pga_than_the_shaking(ratios: list[float], share: float) -> None:
+    """Of a lognormal PGV/PGA about 0.1 s, of 0.4: what is a factor sqrt(2) beside the runs."""
+    origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
+    fragility = replace(ensemble([0.5]), ratios=np.array(ratios))
+    analysis = of_curves(model(1e-4), DatedRock("rock", fragility, np.array([1e3])))
+    words = f"{share:.0%} of the shaking of 0.316 g"  # 1e-4 (PGA / g)^-2 is once in 1000 years
+    if share > 0.6:
+        with pytest.raises(InputError, match=rf"rock\.yaml: motion\.pgv_pga: .* {words}"):
+            beside_rows(analysis, origin)
+    else:
+        told = beside_rows(analysis, origin)
+        assert len(told) == (share > 0.0)
+        assert all(words in one for one in told)
 
 
 @pytest.mark.parametrize(("threshold", "refused"), [(0.5, False), (0.15, True)])
