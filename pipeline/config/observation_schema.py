@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA, Lax, Refused, Section
+from pipeline.config.sections import LARGEST_PGA, RATIOS, SMALLEST_PGA, Lax, Refused, Section
+from vsr_core import GRAVITY
 
 _Direction = Annotated[float, Field(ge=-360, le=360)]
 _TOWARDS = "direction towards which the rock goes, counter-clockwise from the scan's +x [degree]"
@@ -111,6 +112,15 @@ class Earthquake(_Observation):
         0.73, gt=-1, lt=1, description="correlation of the two logarithms [1]"
     )
     outcome: Literal["stood"] = Field("stood", description="the rock stands today")
+
+    @model_validator(mode="after")
+    def _is_one_earthquake(self) -> Self:
+        """Refuse PGV/PGA of which no shaking is."""
+        ratio = 0.01 * self.pgv / (GRAVITY * self.pga)
+        if not RATIOS[0] <= ratio <= RATIOS[1]:
+            rule = f"PGV/PGA is {RATIOS[0]:g} to {RATIOS[1]:g} s; here it is {ratio:.2g} s"
+            raise Refused(rule, "give PGA in g and PGV in cm/s", "pgv", f"{self.pgv:g}")
+        return self
 
     @property
     def told(self) -> str:

@@ -124,6 +124,9 @@ SHORTEST_PULSE, LONGEST_PULSE = 0.001, 10.0
 """PGV/PGA [s]: of a cosine pulse of 160 Hz, above what strong-motion records hold, and one of a
 minute."""
 
+RATIOS = (0.01, 1.0)
+"""PGV/PGA [s] of an earthquake's shaking, and of levels that are as rare."""
+
 SHORTEST_STEP = 1e-6
 """Time step [s]: with a shorter one ten seconds of shaking are more than ten million steps, and the
 boundary has long stopped changing."""

@@ -156,6 +156,7 @@ def test_a_fault_to_which_no_shaking_model_reaches_is_told(
         number = wanted.count("1")
         told = f"{number} beyond what the shaking is known of"
         assert (ran.code, told in ran.err) == (0, True), ran.err
+        assert "exclusion: M 9.5 of huge comes 0.001 times a year" in ran.err
         with (derived / "rock" / "exclusion_faults.csv").open() as file:
             rows = list(csv.DictReader(file))
         assert "".join(row["beyond"] for row in rows) == wanted

@@ -177,6 +177,8 @@ WRONG = {
     "no error": (TILT.replace("sd: 0.2", "sd: 0"), "sd", "greater than or equal to 0.01"),
     "an outcome of another": (TILT.replace("tipped", "lifted"), "outcome", "tipped"),
     "twice": (f"{TILT}, {PUSH}, {TILT}", "observation 3 is observation 1 word for word", "label"),
+    "a PGV in m/s": (SHAKEN.replace("pgv: 40", "pgv: 0.4"), "pgv: got 0.4", "0.002 s", "cm/s"),
+    "a PGV in mm/s": (SHAKEN.replace("pgv: 40", "pgv: 400"), "pgv: got 400", "2 s", "cm/s"),
     "a toppled one": (SHAKEN.replace("}", ", outcome: toppled}"), "outcome"),
 }
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -14,6 +15,9 @@ from vsr_core.hazard.toppling import FINEST, RowFragility, row_shares
 
 MAGNITUDES, DISTANCES = (5.0, 7.6), (1.0, 100.0)
 """Least and largest magnitude, and distance [km], of the earthquakes that the equations are of."""
+
+AT_ONCE = 64
+"""Earthquakes whose shaking is held in memory together: 50 rows of PGV/PGA take 1 MB each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +36,13 @@ class Shaking:
     pgv: Array
     pgv_sd: Array
     correlation: float = CORRELATION
+
+    def parted(self, number: int) -> Iterator[Shaking]:
+        """The same in parts of so many earthquakes."""
+        each = {name: getattr(self, name) for name in ("pga", "pga_sd", "pgv", "pgv_sd")}
+        for start in range(0, len(self.pga), number):
+            some = slice(start, start + number)
+            yield replace(self, **{name: values[some] for name, values in each.items()})
 
 
 def of_equations(magnitudes: Array, distances: Array) -> Shaking:
@@ -103,8 +114,7 @@ def shares(shaking: Shaking, ratios: Array, borders: Array) -> tuple[Array, Arra
     levels : ndarray, shape (k + 1,) [m/s^2], that stand for the parts
     share : ndarray, shape (n, rows, k + 1), of sum 1 in each earthquake
     """
-    x = np.log(borders)
-    middles = np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]])
+    x, middles = np.log(borders), _middles(borders)
     residual = (middles - shaking.pga[:, None]) / shaking.pga_sd[:, None]
     velocity = shaking.pgv[:, None] + shaking.correlation * shaking.pgv_sd[:, None] * residual
     left = shaking.pgv_sd * np.sqrt(1.0 - shaking.correlation**2)
@@ -131,9 +141,16 @@ def toppling_chance(
     -------
     ndarray, shape (rocks, n)
     """
-    levels, share = shares(shaking, ratios, borders)
+    levels = np.exp(_middles(borders))
     chances = np.stack([rows(levels).ravel() for rows in rocks])
-    return chances @ share.reshape(len(share), -1).T
+    each = (shares(part, ratios, borders)[1] for part in shaking.parted(AT_ONCE))
+    return np.concatenate([chances @ one.reshape(len(one), -1).T for one in each], axis=1)
+
+
+def _middles(borders: Array) -> Array:
+    """Ln PGA that stands for each part between borders, and for what is beyond them."""
+    x = np.log(borders)
+    return np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]])
 
 
 def nearest(distances: Array, toppled: Array, chance: float) -> Array:

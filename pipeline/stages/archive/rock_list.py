@@ -26,7 +26,7 @@ LEVEL = 1.25
 SLENDER = 5.0
 """Height of a rock by that of its centre of mass, at most."""
 
-Metres = Annotated[float, Field(gt=0.01, le=50.0)]
+Metres = Annotated[float, Field(gt=0.01, le=15.0)]
 Angle = Annotated[float, Field(ge=3.0, le=45.0)]
 
 
@@ -40,7 +40,7 @@ class ListedRock(outside.Row):
     alpha_2_deg: Angle | None = Field(None, description="the same on the other side")
     r_1_m: Metres | None = Field(None, description="from the rocking point to the centre of mass")
     r_2_m: Metres | None = Field(None, description="the same on the other side, with its angle")
-    height_m: Metres | None = Field(None, description="height of the rock")
+    height_m: float | None = Field(None, gt=0.01, le=30.0, description="height of the rock")
     azimuth_deg: float | None = Field(
         None, ge=-360.0, le=360.0, description="from the centre of mass to side 1"
     )

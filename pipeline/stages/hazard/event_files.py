@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.config.outside import Row, check_sum, checked, refused
+from pipeline.config.sections import RATIOS
 from pipeline.stages.hazard import event_calculation, event_tables, openquake
 from pipeline.stages.hazard.event_tables import Event, EventTables, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import (
     LEVELS,
-    RATIOS,
     UNITS,
     GivenCurve,
     HazardModel,

@@ -21,8 +21,8 @@ from pipeline.config.layers import Origin
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located
 from pipeline.config.problems import InputError, Problem
-from pipeline.config.sections import Key, Refused
-from pipeline.stages.hazard.hazard_model import LEVELS, RATIOS, UNITS
+from pipeline.config.sections import RATIOS, Key, Refused
+from pipeline.stages.hazard.hazard_model import LEVELS, UNITS
 from pipeline.workflow.keys import digests_of
 from pipeline.workflow.stage import FilesInput
 from vsr_core.arrays import Array
@@ -50,13 +50,18 @@ class Fault(Row):
 
     @model_validator(mode="after")
     def _is_one_fault(self) -> Self:
-        """Refuse a tenth of the world's earthquakes, of which each magnitude has 10^(8 - M)."""
-        most = 10.0 ** (7.0 - self.magnitude)
+        """Refuse 3 % of the world's earthquakes, of which each magnitude has 10^(8 - M)."""
+        most = 10.0 ** (6.5 - self.magnitude)
         if self.rate_per_year > most:
             rule = f"a fault has at most {most:.2g} of magnitude {self.magnitude:g} a year"
             remedy = "a return period, or a rate in thousands of years? give a year's"
             raise Refused(rule, remedy, "rate_per_year", f"{self.rate_per_year:g}")
         return self
+
+    @property
+    def is_frequent(self) -> bool:
+        """Whether few faults have so many earthquakes; M 7 comes at least once in 32 years."""
+        return self.rate_per_year > 10.0 ** (5.5 - self.magnitude)
 
 
 class Expected(Row):

@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field, model_validator
 from pipeline.config.outside import Row, check_sum, refused
 from pipeline.config.paths import shown
 from pipeline.config.problems import InputError
-from pipeline.config.sections import Lax, Refused
+from pipeline.config.sections import RATIOS, Lax, Refused
 from pipeline.workflow.grammar import counted
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
@@ -36,9 +36,6 @@ that."""
 MOST_PGA = {475: 3.0, 2475: 5.0}
 """PGA [g] that a mean curve exceeds once in so many years at most: about twice the strongest of
 published maps. Levels in m/s^2 taken for g are beyond it where shaking is moderate already."""
-
-RATIOS = (0.01, 1.0)
-"""PGV/PGA [s] of shaking that is as rare."""
 
 MEAN = -1
 """In place of the number of a realization."""

@@ -30,7 +30,7 @@ def table(tmp_path: Path) -> Path:
     [
         (FAULTS.replace("mechanism", "rate_sd"), "rate_sd: got a column of no meaning"),
         (FAULTS.replace("mechanism", "Mechanism"), "Mechanism: got a column of no meaning"),
-        (FAULTS.replace("0.012", "5"), "rate_per_year: got 5 in row 3; a fault has at most 0.4"),
+        (FAULTS.replace("0.012", "5"), "rate_per_year: got 5 in row 3; a fault has at most 0.13"),
         (FAULTS.replace("7.4,25,0.012", "9.9,0,0.1"), "rate_per_year: got 0.1 in row 3"),
         (FAULTS.replace("\n", "\n#2 ", 1), "name: got '#2 .*, a row or a comment"),
         (FAULTS.replace("\n", "\n #(2) ", 1), "name: got ' #.2. .*, a row or a comment"),
