@@ -23,6 +23,7 @@ from xarray.core import indexing
 
 from pipeline.config.motion_schema import is_along_x
 from pipeline.config.yaml_text import parse
+from pipeline.workflow import pages
 from pipeline.workflow.keys import installed_version
 from pipeline.workflow.stage import Work
 from pipeline.workflow.store import Store
@@ -35,8 +36,6 @@ if "dask" not in sys.modules:
     sys.modules["dask"] = cast(ModuleType, None)
     xr.Variable((), 0)
     del sys.modules["dask"]
-
-_CATALOGUE = Path(__file__).with_name("catalogue.yaml")
 
 Place = tuple[int | slice, ...]
 """Of a part of a grid: an index or a range along each of its dimensions."""
@@ -64,7 +63,7 @@ def is_shaken_along_x(data: xr.Dataset) -> bool:
 @cache
 def catalogue() -> dict[str, dict[str, str]]:
     """Every variable of every dataset."""
-    return dict(parse(_CATALOGUE.read_text(encoding="utf-8")))  # refuses a name given twice
+    return dict(parse(pages.source("catalogue.yaml")))  # refuses a name given twice
 
 
 def label(name: str) -> str:

@@ -31,12 +31,13 @@ def filled(name: str, facts: dict[str, Any], up: str = "../") -> str:
 
 def source(name: str) -> str:
     """Text of a template, style sheet, script or table of this package, by its file name."""
-    try:
-        if text := texts().get(name, b"").decode():
-            return text
-        given = "nothing when a command began that needs it"
-    except UnicodeDecodeError as error:
-        given = f"one that is saved in part ({error})"
+    text = texts().get(name, b"")
+    if text.endswith(b"\n"):
+        try:
+            return text.decode()
+        except UnicodeDecodeError as error:
+            raise edited_since(name, f"one that is saved in part ({error})") from None
+    given = "one that is saved in part" if text else "nothing when a command began that needs it"
     raise edited_since(name, given)
 
 

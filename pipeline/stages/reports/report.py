@@ -149,9 +149,7 @@ def _facts(work: Work, parts: Parts, sample: Later[BulletSample | None]) -> dict
         "pulse": study.motion.kind.replace("_", " "),
         "tables": _tables(study),
         "axes": motions.attrs.get("axes"),
-        "left_out": report_tables.left_out(
-            responses, yaml.safe_load(GAINS.read_text(encoding="utf-8"))
-        ),
+        "left_out": report_tables.left_out(responses, yaml.safe_load(pages.source(GAINS.name))),
         "other_engine": _other_engine(sample(), study.settings.engine),
         "time_steps": time_steps(parts.time_step.data),
         "simulation": study.settings.simulation,

@@ -16,8 +16,8 @@ def template(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A template beside a style sheet, in place of the real ones."""
     folder = tmp_path / "pipeline"
     folder.mkdir()
-    (folder / "page.css").write_text("a {}")
-    (folder / "page.html").write_text("{{ words }}")
+    (folder / "page.css").write_text("a {}\n")
+    (folder / "page.html").write_text("{{ words }}\n")
     monkeypatch.setattr(pages, "ROOT", tmp_path)
     forget()
     yield folder / "page.html"
@@ -46,12 +46,13 @@ def test_a_page_is_made_of_what_its_key_is_of(template: Path, later: bytes | Non
     assert pages.edited() == ["page.html"]
     assert pages.filled("page.html", {"words": "said"}) == "said"
     forget()
-    template.write_text("{{ words }}")
+    template.write_text("{{ words }}\n")
     assert pages.digest("page.html") == before
 
 
 @pytest.mark.parametrize(
-    "before", [b"{% if words %}", b"{% include 'other.html' %}", b"", b"caf\xc3", None]
+    "before",
+    [b"{{ words }}", b"{% if words %}\n", b"{% include 'other.html' %}\n", b"", b"caf\xc3\n", None],
 )
 def test_a_template_that_is_no_page_when_a_command_begins_is_refused(
     template: Path, before: bytes | None
