@@ -20,6 +20,9 @@ from pipeline.config.hazard_schema import (
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.problems import InputError, Problem
 
+YOUNGEST = 150
+"""Years: samples of ages are of dated landforms, of which the oldest sample is older."""
+
 Dated = TypeVar("Dated", HazardRock, EarlierStage)
 
 
@@ -73,6 +76,10 @@ def samples(path: Path) -> tuple[float, ...]:
         rule = f"there are 1 to {MOST_SAMPLES:,} ages"
         raise refused(path, "", f"{len(cells)} rows", rule, "give one a row, or thin them out")
     ages = tuple(row.age_a for row in rows(path, DatedSample, cells))
+    if max(ages) < YOUNGEST:
+        rule = f"some are of {YOUNGEST} years or more; fewer are thousands of years"
+        given = f"ages up to {max(ages):g}"
+        raise refused(path, "age_a", given, rule, "give years, or values in place of the file")
     if more := [name for name in cells[0] if name != "age_a"]:
         rule, remedy = "samples are equally likely, in a column age_a alone", "draw by the weights"
         raise refused(path, more[0], "another column", rule, f"{remedy}, or leave it out")

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA, Lax, Refused, Section
+from pipeline.config.sections import LARGEST_PGA, RATIOS, SMALLEST_PGA, Lax, Refused, Section
 
 Years = Annotated[float, Field(ge=1, le=1e8)]
 """An age [year]: no landform that carries a rock is older."""
@@ -16,7 +16,7 @@ MOST_SAMPLES = 100_000
 
 _Source = Annotated[str, Field(max_length=400)]
 _Peak = Annotated[float, Field(ge=SMALLEST_PGA, le=LARGEST_PGA)]
-_Ratio = Annotated[float, Field(gt=0, le=100)]
+_Ratio = Annotated[float, Field(ge=RATIOS[0], le=RATIOS[1])]
 _LogSd = Annotated[float, Field(gt=0, le=5)]
 
 

@@ -17,7 +17,7 @@ from pipeline.config.outside import text
 from pipeline.config.paths import SHIPPED, located, shown
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.problems import InputError, Problem, not_found
-from pipeline.config.refusals import is_section, nearest, problem
+from pipeline.config.refusals import is_section, nearest, problems
 from pipeline.config.schema import Config, TableConfig
 from pipeline.config.yaml_text import DEEPEST, LONGEST, parse
 
@@ -173,8 +173,7 @@ class Layers:
         try:
             config = Config.model_validate(merged)
         except ValidationError as error:
-            problems = [problem(item, origin, file) for item in error.errors()]
-            by_key = {(one.file, one.key): one for one in problems}
+            by_key = {(one.file, one.key): one for one in problems(error, origin, file)}
             raise InputError(*by_key.values()) from None
         folder = self.path.parent
         places = {
@@ -247,8 +246,7 @@ def load_file(name: str, folder: Path, what: str, model: type[Checked]) -> tuple
     try:
         return model.model_validate(_read(path)), file
     except ValidationError as error:
-        problems = (problem(item, {}, file, model) for item in error.errors())
-        raise InputError(*problems) from None
+        raise InputError(*problems(error, {}, file, model)) from None
 
 
 def load_table(name: str) -> tuple[TableConfig, str]:

@@ -6,7 +6,7 @@ import difflib
 from types import NoneType
 from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from pipeline.config.problems import Problem
 from pipeline.config.schema import Config
@@ -29,6 +29,18 @@ RENAMED = {
     "sigma": "position_sd",
 }
 """Former names of keys, and those of today."""
+
+
+def problems(
+    error: ValidationError,
+    origin: dict[tuple[str, ...], str],
+    site: str,
+    root: type[BaseModel] = Config,
+) -> list[Problem]:
+    """What is wrong with each value; of a list only what is wrong with its items, if they are."""
+    found = error.errors()
+    around = {one["loc"][:length] for one in found for length in range(len(one["loc"]))}
+    return [problem(one, origin, site, root) for one in found if one["loc"] not in around]
 
 
 def problem(

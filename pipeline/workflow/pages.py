@@ -32,7 +32,7 @@ def filled(name: str, facts: dict[str, Any], up: str = "../") -> str:
 def source(name: str) -> str:
     """Text of a template, style sheet, script or table of this package, by its file name."""
     text = texts().get(name, b"")
-    if text.endswith(b"\n"):
+    if text.endswith(b"\n") and (b"<!DOCTYPE" not in text or b"</html>" in text):
         try:
             return text.decode()
         except UnicodeDecodeError as error:

@@ -734,10 +734,16 @@ def test_a_rock_that_came_out_of_the_ground(
         ("age_a,weight\n2500,0.9\n", (), ("ages.csv", "weight", "another column")),
         ("age_ka\n2.5\n", (), ("ages.csv", "age_a", "no such column")),
         ("age_a\n", (), ("ages.csv", "0 rows")),
+        ("age_a\n2.5\n3.1\n", (), ("ages.csv", "age_a", "ages up to 3.1", "thousands")),
         ("age_a\n900\n800\n", (), ("hazard.history", "in their order in 0 of 2 draws")),
         (None, (), ("ages.csv",)),
         ("age_a\n5000\n", ("hazard.age.values=[5000]",), ("hazard.age", "both")),
         ("age_a\n5000\n", ("hazard.age={kind: samples, file: null}",), ("hazard.age", "neither")),
+        (
+            "age_a\n5000\n",  # in cm/s/g
+            ("hazard.pgv_pga={pga: 0.1, median: 80, log_sd: 0.5}",),
+            ("hazard.pgv_pga.median", "got 80", "[s]"),
+        ),
         (
             "age_a\n5000\n",
             ("hazard.history=[{site: rock.yaml, until: {kind: normal, mean: 500}}]",),

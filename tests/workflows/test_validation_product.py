@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import shutil
+import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 import trimesh
 import xarray as xr
+from sklearn.exceptions import UndefinedMetricWarning
 
 from pipeline import ROOT, cli
 from pipeline.config.priors_schema import ShakeTableConfig
@@ -203,6 +205,23 @@ def test_a_folder_without_outcomes_is_predicted(made: tuple[Path, Path], tmp_pat
         assert data["happened"].isnull().all()
     page = (tmp_path / "to" / "unknown" / "validation.html").read_text(encoding="utf-8")
     assert page.count("no observed outcomes, predictions only") == 2
+
+
+@pytest.mark.slow
+def test_outcomes_that_are_all_alike_are_told_without_a_curve(
+    made: tuple[Path, Path], tmp_path: Path
+) -> None:
+    """No library warns of a mean or an area of nothing."""
+    rows = [f"{k},motion {k},{0.1 * k},{RATIO},0" for k in range(1, 7)]
+    text = "\n".join(["test,ground_motion,pga_g,pgv_pga_s,specimen1", *rows])
+    folder = write_tests(tmp_path / "alike", outcomes=text)
+    (tmp_path / "to" / "alike").mkdir(parents=True)
+    shutil.copyfile(made[1] / RUNS, tmp_path / "to" / "alike" / RUNS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        warnings.simplefilter("error", UndefinedMetricWarning)
+        found = validated(folder, tmp_path / "to")
+    assert not found["happened"].sel(specimen=1).any()
 
 
 def write_commanded(folder: Path, **changes: str) -> Path:

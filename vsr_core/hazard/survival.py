@@ -204,8 +204,8 @@ def in_stages(rates: Sequence[float | Array], years: Array) -> Array:
     rates : of toppling in each stage, as of ``survival``
     years : ndarray, shape (n, stages), that each lasted, rows equally likely
     """
-    exposed = sum(np.multiply.outer(*one) for one in zip(rates, years.T, strict=True))
-    return np.asarray(np.exp(-exposed).mean(axis=-1))
+    each = np.stack(np.broadcast_arrays(*rates), axis=-1)  # one at a time: ages may be many
+    return np.apply_along_axis(lambda own: np.exp(-(years @ own)).mean(), -1, each)
 
 
 Rates = Callable[[Fragility], Array]

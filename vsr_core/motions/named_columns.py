@@ -35,6 +35,10 @@ def _apart_by_blanks(line: str) -> list[str]:
     return found if "".join("".join(found).split()) == "".join(plain) else plain
 
 
+LONGEST_NAME = 500
+"""Characters of the name of a column."""
+
+
 class Column(NamedTuple):
     """Values of shape (n,), nan where one is missing; no unit where none is stated."""
 
@@ -115,6 +119,9 @@ def of_text(text: str) -> list[Column]:
     separator = next((mark for mark in ",;\t" if mark in lines[0]), None)
     words = lines[0].split(separator) if separator else _apart_by_blanks(lines[0])
     names = [_name(word) for word in words]
+    if (longest := max(map(len, words))) > LONGEST_NAME:
+        rule = f"names are of {LONGEST_NAME} at most"
+        raise InvalidInput(f"a name of {longest:,} characters", rule, "shorten it")
     check_size(len(lines))
     _check_numbers(len(lines) * len(names))
     flat = array("d")

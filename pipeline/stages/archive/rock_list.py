@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import difflib
 import math
+from bisect import bisect_left
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Self
@@ -154,6 +155,7 @@ def read(path: Path) -> Archive:
 def _rows(text: str) -> list[tuple[int, list[str] | None]]:
     """Fields of each row, after the number of its line; None where its quotes do not close."""
     lines = outside.lines_of(text)
+    odd = [number for number, line in enumerate(lines) if line.count('"') % 2]
     found: list[tuple[int, list[str] | None]] = []
     after = 0
     for number, line in enumerate(lines, 1):
@@ -161,7 +163,8 @@ def _rows(text: str) -> list[tuple[int, list[str] | None]]:
             continue
         fields = _fields(line)
         if fields is None:  # they may below, and then all between is one field
-            close = next((n for n in range(number, len(lines)) if lines[n].count('"') % 2), number)
+            below = bisect_left(odd, number)
+            close = odd[below] if below < len(odd) else number
             fields = _fields("\n".join(lines[number - 1 : close + 1]))
             after = 0 if fields is None else close + 1
         found.append((number, fields))

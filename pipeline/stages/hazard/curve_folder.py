@@ -57,7 +57,8 @@ def load(path: Path) -> HazardModel:
         return openquake.load_calculation(path)
     if not path.is_dir():
         rule = "curves are in a folder, or in OpenQuake's calc_N.hdf5"
-        raise refused(path, "", "folder not found", rule, "check the path")
+        given = "a file of another name" if path.is_file() else "folder not found"
+        raise refused(path, "", given, rule, "check the path")
     try:
         of_openquake = openquake.is_there(path)
     except OSError as error:

@@ -123,12 +123,12 @@ def left_open(
     worst = int(np.argmax(weights * (standing - fallen)))
     curve, whole = shaking.curves[worst], analysis.curves[worst]
     branch = analysis.model.branches[worst]
-    number = curve.rates[-1] * np.mean(analysis.rocks[0].ages)
+    number = curve.rates[-1] * np.mean((rock := analysis.rocks[0]).ages)
     what = "PGV ends where PGA is" if len(curve.levels) < len(whole.levels) else "PGA ends at"
     given = (
         f"a curve (branch {branch.name}) whose {what} {in_g(curve.levels[-1]):.3g} g, "
-        f"which has {number:.2g} exceedances within the age, on average: survival is "
-        f"{fallen[worst]:.2g} if all of them topple the rock, {standing[worst]:.2g} if none does"
+        f"which has {number:.2g} exceedances within the age of {rock.name}, on average: survival "
+        f"is {fallen[worst]:.2g} if all of them topple a rock, {standing[worst]:.2g} if none does"
     )
     if least < LEAST * most:
         rule = "what is beyond the last level may not halve the survival"

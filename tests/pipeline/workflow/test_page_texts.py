@@ -52,7 +52,15 @@ def test_a_page_is_made_of_what_its_key_is_of(template: Path, later: bytes | Non
 
 @pytest.mark.parametrize(
     "before",
-    [b"{{ words }}", b"{% if words %}\n", b"{% include 'other.html' %}\n", b"", b"caf\xc3\n", None],
+    [
+        b"{{ words }}",
+        b"<!DOCTYPE html>\n",
+        b"{% if words %}\n",
+        b"{% include 'other.html' %}\n",
+        b"",
+        b"caf\xc3\n",
+        None,
+    ],
 )
 def test_a_template_that_is_no_page_when_a_command_begins_is_refused(
     template: Path, before: bytes | None

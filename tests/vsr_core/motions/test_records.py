@@ -142,12 +142,13 @@ def test_table_without_a_unit_needs_one() -> None:
     assert read_table(text, "raw", "cm/s2").acceleration[50] == pytest.approx(0.01 * VALUES[50])
     refusal(lambda: read_table(text, None, "counts"), "counts", "motion.response")
     refusal(lambda: read_table(text, None, "furlong"), "'furlong'", "m/s2")
-    for name in ("velocity", "disp_cm", "Vel_cm/s"):
+    for name in ("velocity", "disp_cm", "Vel_cm/s", "ground velocity cm/s", "velocity_g", "v"):
         other = files.csv(VALUES, STEP, name)
         refusal(lambda text=other: read_table(text, None, "m/s2"), name, "motion.component")
     known = files.csv(VALUES, STEP)
     refusal(lambda: read_table(known, None, "gal"), "motion.unit gal", "m/s2")
     refusal(lambda: read_table(known.replace("time", "age"), None, None), "age", "named time")
+    refusal(lambda: read_table(files.csv(VALUES, STEP, f"a{' ' * 9000}x"), None, "g"), "9,002")
     refusal(lambda: read_table(known + "4.01,x\n", None, None), "row 402", "numbers")
 
 

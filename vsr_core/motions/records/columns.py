@@ -47,7 +47,7 @@ def read_table(text: str, component: str | None, unit: str | None) -> Record:
 def _by_suffix(column: Column) -> Column:
     """The column with the unit that ends its name, as in ``acc_g``, if it states no other."""
     head, mark, tail = column.name.rpartition("_")
-    ends = mark and column.unit is None and is_acceleration(tail)
+    ends = mark and column.unit is None and is_acceleration(tail) and not _OTHER.search(head)
     return Column(head, tail, column.values) if ends else column
 
 
@@ -120,7 +120,7 @@ def on_times(
     name = stated(units[0], unit)
     even, interval, repairs = _evenly(time.values, side_by_side(values) * factor(name))
     start = float(time.values[0])
-    more = [one.name for one in others if one.name not in names and not _OTHER.match(one.name)]
+    more = [one.name for one in others if one.name not in names and not _OTHER.search(one.name)]
     if component is None and more:
         repairs += (f"left out, as {name} is the unit of others: {', '.join(more)}",)
     return Record(even, interval, names, station, source, name, repairs, start)
@@ -138,8 +138,8 @@ def check_seconds(unit: str | None) -> None:
         raise InvalidInput(given, "they are in s", "set the unit of time to s")
 
 
-_OTHER = re.compile("vel|disp", re.IGNORECASE)
-"""How columns of another quantity begin."""
+_OTHER = re.compile(r"(?<![^\W_])(vel|disp)|^v$", re.IGNORECASE)
+"""What names of columns of another quantity have: a word that begins so, or v."""
 
 
 def _wanted(columns: list[Column], component: str | None, unit: str | None) -> list[Column]:
@@ -152,11 +152,11 @@ def _wanted(columns: list[Column], component: str | None, unit: str | None) -> l
             )
         return found
     bare = [one for one in columns if one.unit is None or is_raw(one.unit)]
-    if len(columns) == len(bare) == 1 and not _OTHER.match(bare[0].name):
+    if len(columns) == len(bare) == 1 and not _OTHER.search(bare[0].name):
         return columns
     accelerations = [column for column in columns if is_acceleration(column.unit or "")]
     if unit is not None and not accelerations:
-        accelerations = [one for one in columns if one.unit is None and not _OTHER.match(one.name)]
+        accelerations = [one for one in columns if one.unit is None and not _OTHER.search(one.name)]
     if not accelerations:
         given = f"{listed} along time without a unit of acceleration"
         rule = "one of them is the acceleration, with units such as m s-2"

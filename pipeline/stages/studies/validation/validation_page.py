@@ -207,6 +207,9 @@ def roc(tests: Tests, made: Predictions) -> Figure:
             f"share of {one} tests predicted to overturn" for one in ("balanced", "overturned")
         ]
         axes.set(xlabel=names[0], ylabel=names[1])
+        if len(set(observed.tolist())) == 1:
+            axes.text(0.5, 0.5, "all tests ended alike: no curve", ha="center")
+            continue
         points = 0
         for k, (name, known) in enumerate(predictors(one).items()):
             sides, probability = known.sides, known.probability

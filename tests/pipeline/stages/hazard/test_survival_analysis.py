@@ -124,7 +124,7 @@ def ended(level: float, often: float, years: float) -> HazardCurve:
     ("level", "often", "told"),
     [
         (0.3, 0.04, ""),
-        (0.3, 0.2, "survival is 0.82 if all of them topple the rock, 1 if none does"),  # exp(-0.2)
+        (0.3, 0.2, "survival is 0.82 if all of them topple a rock, 1 if none does"),  # exp(-0.2)
         (0.3, 8.0, "refused"),
         (0.3, 0.7, "refused"),  # exp(-0.7) = 0.497
         (1.0, 1.0, ""),  # which topples the rock, and all beyond
@@ -245,7 +245,7 @@ def test_curves_of_pgv_that_end_before_the_rock_topples(often: float) -> None:
     else:
         (told,) = left_open(analysis, results, origin, of_pgv=True)
         assert words in told
-        assert f"survival is {np.exp(-often):.2g} if all of them topple the rock, 1 if" in told
+        assert f"survival is {np.exp(-often):.2g} if all of them topple a rock, 1 if" in told
 
 
 def stand(
