@@ -741,8 +741,8 @@ def test_a_rock_that_came_out_of_the_ground(
         ("age_a\n5000\n", ("hazard.age={kind: samples, file: null}",), ("hazard.age", "neither")),
         (
             "age_a\n5000\n",  # in cm/s/g
-            ("hazard.pgv_pga={pga: 0.1, median: 80, log_sd: 0.5}",),
-            ("hazard.pgv_pga.median", "got 80", "[s]"),
+            ("hazard.pgv_pga={pga: [0.1], median: [80], log_sd: [0.5]}",),
+            ("hazard.pgv_pga.median.0", "got 80", "[s]"),
         ),
         (
             "age_a\n5000\n",
