@@ -1157,6 +1157,19 @@ def test_years_in_which_another_rock_was_seen_to_stand_are_no_part_of_its_age(
         assert back_to(hazard.rocks[0].age, (), other.observed) == [[years]]
 
 
+def test_what_looks_wrong_in_the_file_of_another_rock_is_told(
+    write_site: Callable[..., str],
+) -> None:
+    """That of the rock itself is told when the command begins."""
+    write_site(f"{BOX}{GRID}contact: {{friction: 35}}\n", name="other")
+    age = "age: {kind: normal, mean: 900, sd: 0}"
+    compared = "compare: [{name: rough, set: [contact.friction=40]}]"
+    rocks = f"{compared}, rocks: [{{site: other.yaml, {age}}}]}}"
+    site = load_site(write_site(f"{BOX}{GRID}{HAZARD.split('compare')[0]}{rocks}\n"))
+    (told,) = other_rocks.find(site.config.hazard, site.origin).slips()
+    assert "other.yaml: contact.friction: got 35" in told
+
+
 @pytest.mark.slow
 def test_a_stage_has_the_draws_of_the_rock(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path

@@ -33,7 +33,7 @@ from pipeline.stages.hazard.hazard_dataset import (
     table,
 )
 from pipeline.stages.hazard.hazard_model import MOST_PGA
-from pipeline.stages.hazard.open_ends import begun_late, beside_rows, left_open
+from pipeline.stages.hazard.open_ends import open_ends
 from pipeline.stages.hazard.other_rocks import Others, dated
 from pipeline.stages.hazard.rock_ages import of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import of_fits, of_members
@@ -108,10 +108,8 @@ def make(
     results = all_cases[0].results
     of_pgv = assumed.source == "curves"
     found = dataset(analysis, results, by_member, all_cases)
-    open_ends = left_open(analysis, results, work.origin, of_pgv=of_pgv)
-    open_ends += begun_late(analysis, work.origin, of_pgv=of_pgv)
-    open_ends += beside_rows(analysis, work.origin)
-    for one in open_ends:
+    not_known = open_ends(analysis, results, work.origin, of_pgv=of_pgv)
+    for one in (*beside.slips(), *not_known):
         work.log(f"hazard: {one}")
     facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves)
     others = [*beside.earlier, *(o for one in beside.rocks for o in (one, *one.earlier))]
@@ -121,7 +119,7 @@ def make(
         for of, stages in ((name, config.history), *((o.name, o.history) for o in beside.rocks))
         for one in stages
     ]
-    facts["unused"] = (*curves.unused, *open_ends)
+    facts["unused"] = (*curves.unused, *not_known)
     facts["exclusion"] = of_earthquakes(excluded.data, minimum, own)
     files = {
         FILE: netcdf(described(found, work, "Hazard")),

@@ -31,6 +31,17 @@ REACHED = np.array([0.5, 2.0]) ** 0.5
 """Factors to the ends of what the first and last PGV/PGA of runs are near to, where rows double."""
 
 
+def open_ends(
+    analysis: SurvivalAnalysis, results: BranchResults, origin: Origin, *, of_pgv: bool
+) -> tuple[str, ...]:
+    """All of that in words, where it matters, as each of them has it."""
+    return (
+        *left_open(analysis, results, origin, of_pgv=of_pgv),
+        *begun_late(analysis, origin, of_pgv=of_pgv),
+        *beside_rows(analysis, origin),
+    )
+
+
 def begun_late(
     analysis: SurvivalAnalysis, origin: Origin, *, of_pgv: bool = False
 ) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from pipeline.config.layers import Origin, Site, load_site, one_by_one
 from pipeline.config.observation_schema import Observations
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem, edited_since
+from pipeline.config.slips import warnings
 from pipeline.stages.archive import shipped_equations
 from pipeline.stages.archive.archived_rock import answered
 from pipeline.stages.fragility.summary import Fits
@@ -128,6 +129,11 @@ class Others(Input):
     compared: tuple[Other, ...]
     told: tuple[str, ...]
     earlier: tuple[Other, ...]
+
+    def slips(self) -> list[str]:
+        """What looks like a common error in the files of other rocks, and of earlier stages."""
+        rocks = [one for one in self.made if not any(one is same for same in self.compared)]
+        return [f"warning: {told}" for one in rocks for told in warnings(one.site)]
 
     def files_read(self) -> tuple[Path, ...]:
         archives = (one.path for one in self.rocks if isinstance(one, Archived))
