@@ -270,3 +270,13 @@ def test_a_specimen_has_one_number_however_it_is_written(tmp_path: Path) -> None
     (folder / "sp01.ply").write_text("")
     with pytest.raises(InputError, match=r"sp01.ply and sp1.ply; a specimen has a number"):
         read_tests(folder)
+
+
+def test_pga_in_another_unit_is_told_where_no_record_tells(tmp_path: Path) -> None:
+    folder = changed(tmp_path, lambda data: data)
+    (folder / RECORDS).unlink()
+    assert list(remarks(folder, read_tests(folder))) == []
+    text = (folder / OUTCOMES).read_text()
+    (folder / OUTCOMES).write_text(text.replace(",0.2,", ",1.96,").replace(",0.5,", ",4.9,"))
+    (line,) = remarks(folder, read_tests(folder))
+    assert line == "pga_g of up to 4.9 g, and records rarely exceed 4 g: m/s2?"
