@@ -119,7 +119,7 @@ def make(
         for of, stages in ((name, config.history), *((o.name, o.history) for o in beside.rocks))
         for one in stages
     ]
-    facts["unused"] = (*curves.unused, *not_known)
+    facts |= {"unused": curves.unused, "not_known": not_known}
     facts["exclusion"] = of_earthquakes(excluded.data, minimum, own)
     files = {
         FILE: netcdf(described(found, work, "Hazard")),

@@ -96,13 +96,13 @@ def beside_rows(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
     if share < TOLD_BESIDE:
         return ()
     given = (
-        f"PGV/PGA of {first:.3g} to {last:.3g} s in the runs of {name}, and {share:.0%} of the "
-        f"shaking of {in_g(level):.3g} g beside them (its median is {median[0]:.3g} s)"
+        f"runs of {name} with a PGV/PGA of {first:.3g} to {last:.3g} s, beside which {share:.0%} "
+        f"of the shaking of {in_g(level):.3g} g lies (its median is {median[0]:.3g} s)"
     )
     if share >= MOST_BESIDE:
         rule = "runs are of the PGV/PGA of most of the shaking"
         raise _refused(origin, "motion.pgv_pga", given, rule, "set smaller and larger ones")
-    return (f"{given}: it counts as of the nearest of the runs, and survival may be far off",)
+    return (f"{given}: it counts as of the nearest of them, and survival may be far off",)
 
 
 def left_open(
