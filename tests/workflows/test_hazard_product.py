@@ -359,6 +359,7 @@ def test_of_shaking_that_topples_nothing_no_part_is_named(made: Path, tmp_path: 
     text = "name,lon,lat,1e-8,1e-7,0.05\nhere,-120.9,35.2,1.0e-6,1.0e-9,0\n"
     (tmp_path / "PGA" / "curves.csv").write_text(text, encoding="utf-8")
     command = ["run", "hazard", "--site", str(made.parents[1] / "rock.yaml"), "--workers", "0"]
+    command += ["--set", "hazard.pgv_pga={pga: [0.1], median: [0.1], log_sd: [0.4]}"]
     copy = shutil.copytree(made.parent, tmp_path / "derived")
     assert cli.main([*command, "--curves", str(tmp_path), "--derived", str(copy)]) == 0
     assert not read(copy / "rock" / "hazard.nc")["toppling_rate_by_pga"].values.any()

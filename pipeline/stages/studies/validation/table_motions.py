@@ -14,6 +14,7 @@ from pipeline.config.paths import shown
 from pipeline.config.problems import InputError
 from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA
 from pipeline.workflow.keys import digest_bytes
+from vsr_core import GRAVITY
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions import even_times
@@ -132,6 +133,9 @@ def _motion(path: Path, name: str, number: int, values: Array, interval: float) 
         given = f"a peak of {peak:.3g} m/s2 in test {number}"
         rule = f"it is {SMALLEST_PGA:g} to {LARGEST_PGA:g} g"
         raise refused(path, name, given, rule, "correct the unit, or drop the test")
+    if along.shape[1] == 3 and abs(rest := float(np.median(along[:, 2]))) > 0.5 * GRAVITY:
+        given, rule = f"a vertical about {rest:.3g} m/s2 in test {number}", "it is without gravity"
+        raise refused(path, name, given, rule, "take gravity off")
     try:
         for moving in along.T[np.ptp(along, axis=0) > 0.0]:
             check_samples(moving, f"test {number}", interval)

@@ -28,7 +28,7 @@ from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
-from pipeline.stages.hazard.open_ends import begun_late, beside_rows, left_open
+from pipeline.stages.hazard.open_ends import begun_late, left_open, off_runs
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_fits, of_members
@@ -192,28 +192,35 @@ def test_curves_of_pgv_that_begin_where_the_rock_topples(threshold: float, refus
 
 
 @pytest.mark.parametrize(
-    ("ratios", "share"),
+    ("ratios", "chances", "share"),
     [
-        ([0.04, 0.08, 0.15, 0.25], 0.0),
-        ([0.1], 0.39),
-        ([0.1, 0.2], 0.2),
-        ([0.2, 0.4], 0.81),
-        ([0.02], 1.0),
-        ([0.05, 0.2], 0.62),
+        ([0.05, 0.1, 0.2], [1, 1, 1], 0.0),
+        ([0.1, 0.15, 0.25], [1, 1, 1], 0.19),  # what is shorter than 0.071 s, if it topples less
+        ([0.1, 0.15, 0.25], [0, 1, 1], 0.0),  # it stands as 0.1 s does
+        ([0.2, 0.3, 0.4], [1, 1, 1], 0.81),
+        ([0.02, 0.03, 0.04], [0, 0, 0], 0.92),  # what is longer than 0.057 s
+        ([0.02, 0.03, 0.04], [0, 1, 1], 0.0),
+        ([0.05, 0.0707107, 0.5], [0, 0, 1], 0.5),  # from 0.1 s to 0.35 s
     ],
 )
-def test_runs_of_another_pgv_pga_than_the_shaking(ratios: list[float], share: float) -> None:
-    """Of a lognormal PGV/PGA about 0.1 s, of 0.4: what is more than sqrt(2) times off all runs."""
+def test_runs_of_another_pgv_pga_than_the_shaking(
+    ratios: list[float], chances: list[float], share: float
+) -> None:
+    """That of a lognormal about 0.1 s, of 0.4, more than sqrt(2) times off all runs."""
     origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
-    fragility = replace(ensemble([0.5]), ratios=np.array(ratios))
+    fragility = replace(
+        ensemble([0.5]),
+        ratios=np.array(ratios),
+        mean=lambda level: np.outer(chances, np.ones_like(level)),
+    )
     analysis = of_curves(model(1e-4), DatedRock("rock", fragility, np.array([1e3])))
     # 1e-4 (PGA / g)^-2 is once in 1000 years
-    words = f"{share:.0%} of the shaking of 0.316 g is more than a factor of 1.4 off"
+    words = f"more than a factor of 1.4 off {share:.0%} of the shaking of 0.316 g"
     if share > 0.6:
         with pytest.raises(InputError, match=rf"rock\.yaml: motion\.pgv_pga: .* {words}"):
-            beside_rows(analysis, origin)
+            off_runs(analysis, origin)
     else:
-        told = beside_rows(analysis, origin)
+        told = off_runs(analysis, origin)
         assert len(told) == (share > 0.0)
         assert all(words in one for one in told)
 

@@ -101,6 +101,16 @@ def along(names: list[Any]) -> Change:
     return change
 
 
+def upright(rest: float) -> Change:
+    """The motions along three components, of which the vertical is about a value."""
+
+    def change(data: xr.Dataset) -> xr.Dataset:
+        x = data["acceleration"]
+        return data.assign(acceleration=xr.concat([x, 0.0 * x, 0.1 * x + rest], "component"))
+
+    return change
+
+
 @pytest.mark.parametrize(("unit", "one"), [("g", 9.80665), ("cm s-2", 0.01), ("m s-2", 1.0)])
 def test_records_are_in_the_unit_that_they_state(tmp_path: Path, unit: str, one: float) -> None:
     found = motions_of(changed(tmp_path, in_unit(unit, 1.0 / one)))
@@ -142,6 +152,8 @@ def test_records_that_were_replaced_are_read_again(tmp_path: Path) -> None:
         (of_values(lambda a: np.clip(a, -1.5, 1.5)), r"in a row within 1 % .* \(test 1\)"),
         (of_values(lambda a: a.round(0)), r"samples \(test 2\) in steps of 1, 6 from rest"),
         (of_values(spiked), r"got 20 \(test 2\) at 1.75 s, far beyond what is beside it"),
+        (upright(9.8), r"got a vertical about 9.8 m/s2 in test 1; it is without gravity"),
+        (upright(-9.8), r"got a vertical about -9.8 m/s2 in test 1"),
         (along(["y", "x"]), "got components y, x; they are x, y, z"),
         (along(["up", "x"]), "got components up, x; they are x, y, z"),
         (along(["Y", "X"]), "got components Y, X; they are x, y, z"),
