@@ -100,9 +100,13 @@ def command(way: Way, site: Path, scheduler: str) -> list[str]:
     """The command line of a way."""
     product, cell = way["product"], ["--yaw", "30", "--pga", "0.5"]
     row = ["--record", "shaking"] if way["motion"] == "record" else ["--pgv-pga", "0.2"]
+    ratio = 0.052 if way["motion"] == "record" else 0.2  # of the one row
     more = {
         "study": ["--study", str(site.with_name("sweep.yaml"))],
-        "hazard": ["--curves", str(CURVES), "--age", "5000"],
+        "hazard": [
+            *("--curves", str(CURVES), "--age", "5000"),
+            *("--set", f"hazard.pgv_pga={{pga: [0.3], median: [{ratio}], log_sd: [0.2]}}"),
+        ],
         "replay": cell + row,
         "feasible": ["--table", "mini_shake_robot"],
     }.get(product, [])

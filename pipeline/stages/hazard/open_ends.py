@@ -99,7 +99,7 @@ def off_runs(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
         return ()
     if share >= MOST_OFF:
         rule = "runs are of the PGV/PGA of most of the shaking"
-        raise _refused(origin, "motion.pgv_pga", given, rule, "set more of them")
+        raise _refused(origin, "motion", given, rule, "set more of them")
     return (f"{given}: it counts as of the nearest of them, and survival may be far off",)
 
 

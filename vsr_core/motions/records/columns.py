@@ -138,7 +138,7 @@ def check_seconds(unit: str | None) -> None:
         raise InvalidInput(given, "they are in s", "set the unit of time to s")
 
 
-_OTHER = re.compile(r"(?<![^\W_])(vel|disp)|^v$", re.IGNORECASE)
+_OTHER = re.compile(r"(?<![^\W_])(vel|disp|speed)|^v[xyz]?$", re.IGNORECASE)
 """What names of columns of another quantity have: a word that begins so, or v."""
 
 

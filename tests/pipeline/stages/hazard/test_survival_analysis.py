@@ -217,7 +217,7 @@ def test_runs_of_another_pgv_pga_than_the_shaking(
     # 1e-4 (PGA / g)^-2 is once in 1000 years
     words = f"more than a factor of 1.4 off {share:.0%} of the shaking of 0.316 g"
     if share > 0.6:
-        with pytest.raises(InputError, match=rf"rock\.yaml: motion\.pgv_pga: .* {words}"):
+        with pytest.raises(InputError, match=rf"rock\.yaml: motion: .* {words}"):
             off_runs(analysis, origin)
     else:
         told = off_runs(analysis, origin)
