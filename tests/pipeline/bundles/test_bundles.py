@@ -379,7 +379,7 @@ def test_curves_in_folders_of_a_folder_are_in_it(
     curves = tmp_path / "model" / "PGA" / "curves.csv"
     curves.parent.mkdir(parents=True)
     curves.write_text("name,lon,lat,0.01,0.1,1.0\nhere,-120.9,35.2,2.0e-1,4.0e-3,2.0e-5\n")
-    ratio = "{pga: [0.1], median: [0.1], log_sd: [0.5]}"
+    ratio = "{pga: [0.1], median: [0.2], log_sd: [0.3]}"
     age = "{kind: normal, mean: 3000}"
     site = write_site(
         "motion: {pga: [0.2, 0.4, 0.8], pgv_pga: [0.2]}\nuncertainty: {members: 0}\n"
