@@ -142,17 +142,10 @@ def test_table_without_a_unit_needs_one() -> None:
     assert read_table(text, "raw", "cm/s2").acceleration[50] == pytest.approx(0.01 * VALUES[50])
     refusal(lambda: read_table(text, None, "counts"), "counts", "motion.response")
     refusal(lambda: read_table(text, None, "furlong"), "'furlong'", "m/s2")
-    for name in (
-        "velocity",
-        "disp_cm",
-        "Vel_cm/s",
-        "ground velocity cm/s",
-        "velocity_g",
-        "v",
-        "vx",
-    ):
+    for name in ("velocity", "disp_cm", "Vel_cm/s", "ground velocity cm/s", "velocity_g", "vx"):
         other = files.csv(VALUES, STEP, name)
         refusal(lambda text=other: read_table(text, None, "m/s2"), name, "motion.component")
+    assert read_table(files.csv(VALUES, STEP, "V"), None, "m/s2").channels == ("V",)  # vertical
     known = files.csv(VALUES, STEP)
     refusal(lambda: read_table(known, None, "gal"), "motion.unit gal", "m/s2")
     refusal(lambda: read_table(known.replace("time", "age"), None, None), "age", "named time")

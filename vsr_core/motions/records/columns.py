@@ -138,8 +138,8 @@ def check_seconds(unit: str | None) -> None:
         raise InvalidInput(given, "they are in s", "set the unit of time to s")
 
 
-_OTHER = re.compile(r"(?<![^\W_])(vel|disp|speed)|^v[xyz]?$", re.IGNORECASE)
-"""What names of columns of another quantity have: a word that begins so, or v."""
+_OTHER = re.compile(r"(?<![^\W_])(vel|disp|speed)|^v[xyz]$", re.IGNORECASE)
+"""What names of columns of another quantity have: a word that begins so, or vx; V is vertical."""
 
 
 def _wanted(columns: list[Column], component: str | None, unit: str | None) -> list[Column]:
