@@ -204,8 +204,9 @@ def in_stages(rates: Sequence[float | Array], years: Array) -> Array:
     rates : of toppling in each stage, as of ``survival``
     years : ndarray, shape (n, stages), that each lasted, rows equally likely
     """
-    each = np.stack(np.broadcast_arrays(*rates), axis=-1)  # one at a time: ages may be many
-    return np.apply_along_axis(lambda own: np.exp(-(years @ own)).mean(), -1, each)
+    each = np.stack(np.broadcast_arrays(*rates), axis=-1)
+    flat = each.reshape(-1, len(rates))  # one at a time: ages may be many
+    return np.array([np.exp(-(years @ own)).mean() for own in flat]).reshape(each.shape[:-1])
 
 
 Rates = Callable[[Fragility], Array]

@@ -225,6 +225,24 @@ def test_runs_of_another_pgv_pga_than_the_shaking(
         assert all(words in one for one in told)
 
 
+def test_runs_of_an_older_rock_are_asked_at_its_own_age() -> None:
+    """At the PGA that is exceeded once in 3,600 years, 0.6 g, its first run falls, at 0.1 g not."""
+    origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
+    young = DatedRock("young", ensemble([0.5]), np.array([100.0]))
+    longer = replace(
+        ensemble([0.5]),
+        ratios=np.array([0.2, 0.3, 0.4]),
+        mean=lambda level: np.array([level > 0.5 * GRAVITY, level > 0.0, level > 0.0]) * 1.0,
+    )
+    for age, told in ((100.0, 0), (3600.0, 1)):
+        analysis = of_curves(model(1e-4), young, DatedRock("old", longer, np.array([age])))
+        if told:
+            with pytest.raises(InputError, match=r"runs of old .* 81% of the shaking of 0.6 g"):
+                off_runs(analysis, origin)
+        else:
+            assert off_runs(analysis, origin) == ()
+
+
 @pytest.mark.parametrize(("threshold", "refused"), [(0.5, False), (0.15, True)])
 def test_earthquakes_of_which_weak_shaking_was_left_out(threshold: float, refused: bool) -> None:
     """From 0.2 g on, as OpenQuake's minimum intensity does, of a rock that topples at 0.15 g."""

@@ -292,3 +292,14 @@ def test_pga_in_another_unit_is_told_where_no_record_tells(tmp_path: Path) -> No
     (folder / OUTCOMES).write_text(text.replace(",0.2,", ",1.96,").replace(",0.5,", ",4.9,"))
     (line,) = remarks(folder, read_tests(folder))
     assert line == "pga_g of up to 4.9 g, and records rarely exceed 4 g: m/s2?"
+
+
+def test_an_axis_that_is_quiet_may_be_of_few_digits(tmp_path: Path) -> None:
+    """Noise of 1 % of the drive in digits of a third of it."""
+    noise = np.random.default_rng(1).integers(-1, 2, (2, 400)) * 0.01
+
+    def quiet(data: xr.Dataset) -> xr.Dataset:
+        both = [data["acceleration"], data["acceleration"] * 0.0 + noise]
+        return data.assign(acceleration=xr.concat(both, "component"))
+
+    assert motions_of(changed(tmp_path, quiet))
