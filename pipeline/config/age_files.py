@@ -10,6 +10,7 @@ from pydantic import Field
 
 from pipeline.config.hazard_schema import (
     MOST_SAMPLES,
+    YOUNGEST,
     Age,
     EarlierStage,
     HazardConfig,
@@ -19,9 +20,6 @@ from pipeline.config.hazard_schema import (
 )
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.problems import InputError, Problem
-
-YOUNGEST = 150
-"""Years: samples of ages are of dated landforms, of which the oldest sample is older."""
 
 Dated = TypeVar("Dated", HazardRock, EarlierStage)
 

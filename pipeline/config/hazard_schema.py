@@ -7,16 +7,27 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from pipeline.config.sections import LARGEST_PGA, RATIOS, SMALLEST_PGA, Lax, Refused, Section
+from pipeline.config.sections import (
+    LARGEST_PGA,
+    LARGEST_RATIO,
+    LEAST_RATIO,
+    SMALLEST_PGA,
+    Lax,
+    Refused,
+    Section,
+)
 
 Years = Annotated[float, Field(ge=1, le=1e8)]
 """An age [year]: no landform that carries a rock is older."""
+
+YOUNGEST = 150
+"""Years: landforms that carry a rock are rarely younger."""
 
 MOST_SAMPLES = 100_000
 
 _Source = Annotated[str, Field(max_length=400)]
 _Peak = Annotated[float, Field(ge=SMALLEST_PGA, le=LARGEST_PGA)]
-_Ratio = Annotated[float, Field(ge=RATIOS[0], le=RATIOS[1])]
+_Ratio = Annotated[float, Field(ge=LEAST_RATIO, le=LARGEST_RATIO)]
 _LogSd = Annotated[float, Field(gt=0, le=5)]
 
 

@@ -6,7 +6,15 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.config.sections import LARGEST_PGA, RATIOS, SMALLEST_PGA, Lax, Refused, Section
+from pipeline.config.sections import (
+    LARGEST_PGA,
+    LARGEST_RATIO,
+    LEAST_RATIO,
+    SMALLEST_PGA,
+    Lax,
+    Refused,
+    Section,
+)
 from vsr_core import GRAVITY
 
 _Direction = Annotated[float, Field(ge=-360, le=360)]
@@ -117,8 +125,8 @@ class Earthquake(_Observation):
     def _is_one_earthquake(self) -> Self:
         """Refuse PGV/PGA of which no shaking is."""
         ratio = 0.01 * self.pgv / (GRAVITY * self.pga)
-        if not RATIOS[0] <= ratio <= RATIOS[1]:
-            rule = f"PGV/PGA is {RATIOS[0]:g} to {RATIOS[1]:g} s; here it is {ratio:.2g} s"
+        if not LEAST_RATIO <= ratio <= LARGEST_RATIO:
+            rule = f"PGV/PGA is {LEAST_RATIO:g} to {LARGEST_RATIO:g} s; here it is {ratio:.2g} s"
             raise Refused(rule, "give PGA in g and PGV in cm/s", "pgv", f"{self.pgv:g}")
         return self
 

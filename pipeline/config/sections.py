@@ -117,6 +117,9 @@ Grid = Annotated[Values, AfterValidator(_ascending)]
 LIGHTEST, DENSEST = 10.0, 30_000.0
 """Densities of a rock [kg m-3]: replicas of foam weigh more, no metal does."""
 
+STRONG_PGA = 4.0
+"""PGA [g] that records rarely exceed."""
+
 SMALLEST_PGA, LARGEST_PGA = 1e-6, 10.0
 """Peak accelerations [g]: the ground's own noise reaches the first, no record the second."""
 
@@ -124,7 +127,7 @@ SHORTEST_PULSE, LONGEST_PULSE = 0.001, 10.0
 """PGV/PGA [s]: of a cosine pulse of 160 Hz, above what strong-motion records hold, and one of a
 minute."""
 
-RATIOS = (0.01, 1.0)
+LEAST_RATIO, LARGEST_RATIO = 0.01, 1.0
 """PGV/PGA [s] of an earthquake's shaking, and of levels that are as rare."""
 
 SHORTEST_STEP = 1e-6

@@ -7,9 +7,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from pipeline.config.hazard_schema import YOUNGEST
 from pipeline.config.layers import Site
 from pipeline.config.problems import Problem
 from pipeline.config.schema import TableConfig
+from pipeline.config.sections import STRONG_PGA
 
 Values = tuple[float, ...]
 
@@ -64,7 +66,7 @@ SLIPS = (
     ),
     Slip(
         "motion.pga hazard.pgv_pga.pga",
-        _above(4.0),
+        _above(STRONG_PGA),
         "PGA is in g, and records rarely exceed 4 g",
         "m/s2? write 1 for 9.81 m/s2",
     ),
@@ -123,7 +125,7 @@ SLIPS = (
             for age in ("hazard.age", "hazard.history.until", "hazard.rocks.age")
             for name in ("mean", "median", "low", "values")
         ),
-        _below(150.0),
+        _below(YOUNGEST),
         "ages are in years",
         "thousands of years? write 20000 for 20 ka",
     ),

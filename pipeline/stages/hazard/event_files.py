@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.config.outside import Row, check_sum, checked, refused
-from pipeline.config.sections import RATIOS
+from pipeline.config.sections import LEAST_RATIO
 from pipeline.stages.hazard import event_calculation, event_tables, openquake
 from pipeline.stages.hazard.event_tables import Event, EventTables, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import (
@@ -209,7 +209,7 @@ def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | No
 def _check_pgv(path: Path, pga: Array, pgv: Array) -> None:
     """Refuse PGV of 0, which is less than the least that is kept, where PGA is strong."""
     least = np.min(pgv, initial=np.inf, where=pgv > 0.0)
-    strong = UNITS["PGA"] * pga * RATIOS[0] > UNITS["PGV"] * least
+    strong = UNITS["PGA"] * pga * LEAST_RATIO > UNITS["PGV"] * least
     lost = strong & (pgv == 0.0)
     if lost.sum() > _FEW + strong.sum() // 4:
         number = counted(int(lost.sum()), "event")

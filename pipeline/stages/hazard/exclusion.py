@@ -6,7 +6,6 @@ an earthquake of a magnitude brings at a distance.
 
 from __future__ import annotations
 
-from operator import attrgetter
 from typing import Annotated, Any
 
 import numpy as np
@@ -80,9 +79,10 @@ def make(
     drawn = ensemble is not None and support == "tested"
     own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
     found = _map(own, faults)
-    for one in filter(attrgetter("is_frequent"), faults.faults):
-        often = f"M {one.magnitude:g} of {one.name} comes {one.rate_per_year:g} times a year"
-        work.log(f"exclusion: {often}, as of few faults: is it in thousands of years?")
+    for one in faults.faults:
+        if one.is_frequent:
+            often = f"M {one.magnitude:g} of {one.name} comes {one.rate_per_year:g} times a year"
+            work.log(f"exclusion: {often}, as of few faults: is it in thousands of years?")
     if faults.faults:
         assert age is not None
         seen = observed if drawn else ()

@@ -21,7 +21,7 @@ from pipeline.config.layers import Origin
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located
 from pipeline.config.problems import InputError, Problem
-from pipeline.config.sections import RATIOS, Key, Refused
+from pipeline.config.sections import LARGEST_RATIO, LEAST_RATIO, Key, Refused
 from pipeline.stages.hazard.hazard_model import LEVELS, UNITS
 from pipeline.workflow.keys import digests_of
 from pipeline.workflow.stage import FilesInput
@@ -143,8 +143,8 @@ def _model(path: Path) -> GroundMotionTable:
         raise refused(path, "magnitude, distance_km", given, rule, "fill the gaps")
     for row in found:
         ratio = UNITS["PGV"] * row.pgv_cm_s / (UNITS["PGA"] * row.pga_g)
-        if not RATIOS[0] <= ratio <= RATIOS[1]:
-            rule = f"it is {RATIOS[0]:g} to {RATIOS[1]:g} s, with PGA in g and PGV in cm/s"
+        if not LEAST_RATIO <= ratio <= LARGEST_RATIO:
+            rule = f"it is {LEAST_RATIO:g} to {LARGEST_RATIO:g} s, with PGA in g and PGV in cm/s"
             given = f"PGV/PGA of {ratio:.2g} s at M {row.magnitude:g}, {row.distance_km:g} km"
             raise refused(path, "pgv_cm_s", given, rule, "convert the units")
     found.sort(key=lambda row: (row.magnitude, row.distance_km))

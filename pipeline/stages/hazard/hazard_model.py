@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field, model_validator
 from pipeline.config.outside import Row, check_sum, refused
 from pipeline.config.paths import shown
 from pipeline.config.problems import InputError
-from pipeline.config.sections import RATIOS, Lax, Refused
+from pipeline.config.sections import LARGEST_RATIO, LEAST_RATIO, Lax, Refused
 from pipeline.workflow.grammar import counted
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
@@ -219,8 +219,8 @@ def _together(path: Path, pga: HazardCurve, pgv: HazardCurve) -> None:
         ratio = float(np.exp(np.log(ratio_of_curves(pga, pgv, 1.0).medians).mean()))
     except InvalidInput as error:
         raise InputError.from_invalid(shown(path), "", error) from None
-    if not RATIOS[0] <= ratio <= RATIOS[1]:
-        rule = f"it is {RATIOS[0]:g} to {RATIOS[1]:g} s, with PGA in g and PGV in cm/s"
+    if not LEAST_RATIO <= ratio <= LARGEST_RATIO:
+        rule = f"it is {LEAST_RATIO:g} to {LARGEST_RATIO:g} s, with PGA in g and PGV in cm/s"
         given = f"PGV/PGA of {ratio:.2g} s where both are as rare"
         raise refused(path, "levels", given, rule, "convert the levels")
 

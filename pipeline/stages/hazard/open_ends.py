@@ -30,10 +30,10 @@ shaking, with 0.30 1.7 times, with 0.37 3.3 times; with 0.23 the rate of topplin
 
 TOLD_OFF, MOST_OFF = 0.1, 0.6
 """Shares of shaking that is open, as no run is near to its PGV/PGA, from which on it is told, and
-refused: with 0.34 survival was 0.007, not 0.052, with 0.36 it was 0.32, with 0.8 it was 1."""
+refused: with 0.34 survival was 0.007, not 0.052, with 0.36 it was 0.32, with 0.72 it was 1."""
 
-AND_STRONGER = (1.0, 1.4, 2.0)
-"""Factors on the PGA of which that share is asked, the largest of which counts."""
+TO_TWICE = np.array([1.0, 1.4, 2.0])
+"""Factors on a PGA of which that share is asked; the largest share counts."""
 
 NEAR = np.array([0.5, 2.0]) ** 0.5
 """Factors to the ends of what a PGV/PGA of runs stands for, where each is twice the one before."""
@@ -42,7 +42,17 @@ NEAR = np.array([0.5, 2.0]) ** 0.5
 def open_ends(
     analysis: SurvivalAnalysis, results: BranchResults, origin: Origin, *, of_pgv: bool
 ) -> tuple[str, ...]:
-    """All of that in words, where it matters, as each of them has it."""
+    """What survival may be off by, as that is not known, in words, where it matters.
+
+    Parameters
+    ----------
+    of_pgv : whether PGV/PGA is of curves of PGV, which may begin after those of PGA, or end before
+
+    Raises
+    ------
+    InputError
+        Where it matters so much that nothing is left of the answer.
+    """
     return (
         *left_open(analysis, results, origin, of_pgv=of_pgv),
         *begun_late(analysis, origin, of_pgv=of_pgv),
@@ -53,11 +63,7 @@ def open_ends(
 def begun_late(
     analysis: SurvivalAnalysis, origin: Origin, *, of_pgv: bool = False
 ) -> tuple[str, ...]:
-    """That survival may be off, as shaking begins late, in words, where it matters.
-
-    Parameters
-    ----------
-    of_pgv : whether PGV/PGA is of curves of PGV, which may begin after those of PGA
+    """That survival may be off, as shaking begins late.
 
     Raises
     ------
@@ -91,15 +97,14 @@ def off_runs(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        If it is `MOST_OFF` of that which is exceeded once within the age.
+        If it is `MOST_OFF` of the shaking of some PGA.
     """
-    table, curve = analysis.shaking.table, analysis.before
-    last = float(analysis.shaking.levels[-1])
+    shaking = analysis.shaking
     each = (
-        _open_share(stage, rock.name, table, (_exceeded_once(curve, rock.ages), last), factor)
+        _open_share(stage, rock.name, shaking.table, level)
         for rock in analysis.rocks
         for stage in rock.stages
-        for factor in AND_STRONGER
+        for level in _asked(stage, _exceeded_once(analysis.before, rock.ages), shaking.levels[-1])
     )
     share, given = max(each, key=itemgetter(0))
     if share < TOLD_OFF:
@@ -115,21 +120,24 @@ def _exceeded_once(curve: HazardCurve, ages: Array) -> float:
     return curve.level_at(float(np.clip(1.0 / ages.mean(), *curve.rates[[-1, 0]])))
 
 
+def _asked(one: RockFragility, once: float, last: float) -> Array:
+    """PGA [m/s^2] at which shorter or longer shaking may matter, from some to the last.
+
+    That, and from the least that topples half of a rock in some run to twice as much.
+    """
+    levels = np.geomspace(once, max(once, acceleration(one.tested[1])), 200)
+    half = levels[(one.mean(levels).max(axis=0) >= 0.5).argmax()]
+    return np.minimum(np.append(once, half * TO_TWICE), last)
+
+
 def _open_share(
-    one: RockFragility, name: str, table: RatioTable, reach: tuple[float, float], factor: float
+    one: RockFragility, name: str, table: RatioTable, level: float
 ) -> tuple[float, str]:
-    """Share of the shaking of a PGA that topples a rock or not, and that in words.
+    """Share of the shaking of a PGA [m/s^2] that topples a rock or not, and that in words.
 
     What no run is near to is shorter than the first of them and topples it less often, or is
     longer than the last and topples it more often, or between two of them in both.
-
-    Parameters
-    ----------
-    reach : PGA that is meant, or that above it which topples half of it, and the last [m/s^2]
     """
-    levels = np.geomspace(reach[0], max(reach[0], acceleration(one.tested[1])), 200)
-    level = float(levels[(one.mean(levels).max(axis=0) >= 0.5).argmax()])
-    level = min(factor * level, reach[1])
     (median,), (log_sd,) = table.at(np.array([level]))
     ends = ndtr(np.log(np.multiply.outer(one.ratios, NEAR) / median) / log_sd).ravel()
     gaps = np.maximum(np.diff(ends, prepend=0.0, append=1.0)[::2], 0.0)
@@ -145,11 +153,7 @@ def _open_share(
 def left_open(
     analysis: SurvivalAnalysis, results: BranchResults, origin: Origin, *, of_pgv: bool
 ) -> tuple[str, ...]:
-    """What survival may be too large by, in words, where it matters.
-
-    Parameters
-    ----------
-    of_pgv : whether PGV/PGA is of curves of PGV, which may end before those of PGA
+    """What survival may be too large by, as curves end early.
 
     Raises
     ------
@@ -171,7 +175,8 @@ def left_open(
     worst = int(np.argmax(weights * (standing - fallen)))
     curve, whole = shaking.curves[worst], analysis.curves[worst]
     branch = analysis.model.branches[worst]
-    number = curve.rates[-1] * np.mean((rock := analysis.rocks[0]).ages)
+    rock = analysis.rocks[0]
+    number = curve.rates[-1] * rock.ages.mean()
     what = "PGV ends where PGA is" if len(curve.levels) < len(whole.levels) else "PGA ends at"
     given = (
         f"a curve (branch {branch.name}) whose {what} {in_g(curve.levels[-1]):.3g} g, "

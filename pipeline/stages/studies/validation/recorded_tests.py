@@ -20,7 +20,13 @@ from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located, shown
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.problems import InputError, not_found
-from pipeline.config.sections import LARGEST_PGA, LONGEST_PULSE, SHORTEST_PULSE, SMALLEST_PGA
+from pipeline.config.sections import (
+    LARGEST_PGA,
+    LONGEST_PULSE,
+    SHORTEST_PULSE,
+    SMALLEST_PGA,
+    STRONG_PGA,
+)
 from pipeline.stages.mesh import mesh_files
 from pipeline.stages.studies.validation.table_motions import (
     RECORDS,
@@ -50,9 +56,6 @@ SCAN, SPECIMEN = re.compile(r"sp(\d{1,9})\.ply"), re.compile(r"specimen(?P<speci
 ALIKE, ALONE = 3.0, 10.0
 """Factors within which peaks of records are the PGA of their tests: in the middle, and of each. A
 spike that a filter took from the PGA of a published test is 8.5 times as large."""
-
-STRONG = 4.0
-"""PGA [g] that records rarely exceed."""
 
 VELOCITIES = 1.75
 """Factor within which peak velocities agree, in the middle: in published tests 1.08, of six 1.5. A
@@ -285,8 +288,8 @@ def remarks(folder: Path, tests: Tests) -> Iterator[str]:
         name, count = ("stepper", "a") if records else ("acceleration", "no")
         yield f"{name} of {ASSUMED} left out, as there is {count} {RECORDS}"
     if not records:
-        if (most := max(tests.pga)) > STRONG:
-            yield f"pga_g of up to {most:.3g} g, and records rarely exceed {STRONG:g} g: m/s2?"
+        if (most := max(tests.pga)) > STRONG_PGA:
+            yield f"pga_g of up to {most:.3g} g, and records rarely exceed {STRONG_PGA:g} g: m/s2?"
         return
     if cut := left_out(folder, tests.config.acceleration):
         yield f"samples of {_some(cut)} after the last that n_samples counts left out"

@@ -225,6 +225,19 @@ def test_runs_of_another_pgv_pga_than_the_shaking(
         assert all(words in one for one in told)
 
 
+def test_longer_shaking_is_asked_where_the_runs_stand() -> None:
+    """All fall at 0.6 g, none at 0.316 g: half of the shaking is longer than 0.0707 sqrt(2) s."""
+    origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
+    fragility = replace(
+        ensemble([0.5]),
+        ratios=np.array([0.03, 0.05, 0.0707107]),
+        mean=lambda level: np.outer(np.ones(3), level > 0.6 * GRAVITY),
+    )
+    analysis = of_curves(model(1e-4), DatedRock("rock", fragility, np.array([1e3])))
+    (told,) = off_runs(analysis, origin)
+    assert "off 50% of the shaking of 0.316 g" in told
+
+
 def test_runs_of_an_older_rock_are_asked_at_its_own_age() -> None:
     """At the PGA that is exceeded once in 3,600 years, 0.6 g, its first run falls, at 0.1 g not."""
     origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
