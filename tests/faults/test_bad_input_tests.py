@@ -74,6 +74,27 @@ def test_outcomes_are_refused(folder: Path, refused: Refused, text: str) -> None
     refused("run", "validation", "--table", folder, words=(OUTCOMES, *WRONG_OUTCOMES[text]))
 
 
+def test_recorded_tests_without_their_records_are_not_taken_for_pulses(
+    folder: Path, refused: Refused
+) -> None:
+    (folder / RECORDS).unlink()
+    rows = "1,a,0.2,0.3,0,1\n2,a,0.5,0.3,1,0\n"
+    (folder / OUTCOMES).write_text(HEAD.strip() + ",has_record\n" + rows)
+    refused("run", "validation", "--table", folder, words=("has_record", f"1, and no {RECORDS}"))
+
+
+@pytest.mark.parametrize("name", ["Records.nc", "records.nc4", "records.netcdf"])
+def test_records_of_another_name(folder: Path, refused: Refused, name: str) -> None:
+    (folder / RECORDS).rename(folder / name)
+    refused("run", "validation", "--table", folder, words=(name, f"it is {RECORDS}", "rename it"))
+
+
+@pytest.mark.parametrize("name", ["table.yml", "Table.yaml", "TABLE.YAML"])
+def test_assumptions_of_another_name(folder: Path, refused: Refused, name: str) -> None:
+    (folder / name).write_text("density: 2700\n")
+    refused("run", "validation", "--table", folder, words=(name, "it is table.yaml", "rename it"))
+
+
 def test_what_has_no_part_is_named(folder: Path) -> None:
     rows = "1,0,1,a,0.2,0.3,0,1,1,1\n2,0,1,a,0.5,0.3,1,1,0,1\n3,0,0,a,0.5,0.3,1,1,1,0\n"
     names = "test,date,has_record,ground_motion,pga_g,pgv_pga_s,specimen1,specimen9,"

@@ -141,10 +141,19 @@ def site_of(folder: Path) -> Site:
     if not (folder / OUTCOMES).is_file():
         raise refused(folder / OUTCOMES, "", "", "file not found", "put it there")
     if not scans_in(folder):
-        raise refused(
-            folder, "", "no scan", "there is one for each specimen", "call it sp1.ply, in metres"
-        )
+        rule, remedy = "there is one for each specimen", "call it sp1.ply, in metres"
+        raise refused(folder, "", "no scan", rule, remedy)
+    _check_names(folder)
     return Site(name=folder.name, file=shown(folder), path=folder, settings=assumptions(folder))
+
+
+def _check_names(folder: Path) -> None:
+    """Refuse a file that nothing reads, as its name is not quite that of one that is missing."""
+    for name in (RECORDS, ASSUMED):
+        stem, start = Path(name).stem, Path(name).suffix[:2]
+        for other in sorted(folder.glob("*.*")) if not (folder / name).exists() else ():
+            if (other.stem.lower(), other.suffix[:2].lower()) == (stem, start):
+                raise refused(other, "", "a file that is not read", f"it is {name}", "rename it")
 
 
 @dataclass(frozen=True)
@@ -229,6 +238,9 @@ def tests_in(folder: Path) -> Tests:
             published[key] = _flags(path, used, name, _FLAGS)
     if there:
         _check_records(folder, {row.test for row in found})
+    elif "has_record" in cells[0] and any(row.has_record for row in found):
+        rule, remedy = "what is recorded has a record", f"add {RECORDS}, or leave out the column"
+        raise refused(path, "has_record", f"1, and no {RECORDS}", rule, remedy)
     return Tests(
         tuple(row.test for row in found),
         tuple(row.ground_motion or f"{row.pga_g} g, {row.pgv_pga_s} s" for row in found),
