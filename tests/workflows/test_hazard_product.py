@@ -31,7 +31,7 @@ from pipeline.stages.hazard import hazard as stage
 from pipeline.stages.hazard import other_rocks
 from pipeline.stages.hazard.hazard_figures import shaking
 from pipeline.stages.hazard.rock_ages import back_to
-from pipeline.stages.hazard.survival_analysis import AS_GIVEN, AS_TESTED, BASE_CASE, DRAWN_ANEW
+from pipeline.stages.hazard.sensitivity import AS_GIVEN, AS_TESTED, BASE_CASE, DRAWN_ANEW
 from pipeline.stages.observations import observations
 from pipeline.workflow import graph
 from pipeline.workflow.datasets import read

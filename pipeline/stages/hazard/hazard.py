@@ -37,15 +37,9 @@ from pipeline.stages.hazard.open_ends import open_ends
 from pipeline.stages.hazard.other_rocks import Others, dated
 from pipeline.stages.hazard.rock_ages import of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import of_fits, of_members
+from pipeline.stages.hazard.sensitivity import AS_GIVEN, AS_TESTED, BASE_CASE, DRAWN_ANEW, cases
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, DRAWN_AGAIN, AssumedShaking, of_hazard
-from pipeline.stages.hazard.survival_analysis import (
-    AS_GIVEN,
-    AS_TESTED,
-    BASE_CASE,
-    DRAWN_ANEW,
-    SurvivalAnalysis,
-    cases,
-)
+from pipeline.stages.hazard.survival_analysis import SurvivalAnalysis
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import pages, writers

@@ -10,9 +10,9 @@ import xarray as xr
 
 from pipeline.config import in_si
 from pipeline.stages.hazard.rock_fragility import DRAWN
+from pipeline.stages.hazard.sensitivity import Case
 from pipeline.stages.hazard.survival_analysis import (
     BranchResults,
-    Case,
     Sampling,
     SurvivalAnalysis,
     sampling,

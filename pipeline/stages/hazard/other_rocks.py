@@ -29,7 +29,8 @@ from pipeline.stages.hazard.rock_fragility import (
     of_members,
     of_photograph,
 )
-from pipeline.stages.hazard.survival_analysis import BASE_CASE, DatedRock
+from pipeline.stages.hazard.sensitivity import BASE_CASE
+from pipeline.stages.hazard.survival_analysis import DatedRock
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import graph, keys, site_folder
 from pipeline.workflow.grammar import counted

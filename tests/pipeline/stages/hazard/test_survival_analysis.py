@@ -32,14 +32,8 @@ from pipeline.stages.hazard.open_ends import begun_late, left_open, off_runs
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_fits, of_members
-from pipeline.stages.hazard.survival_analysis import (
-    AS_NOW,
-    BASE_CASE,
-    DRAWN_ANEW,
-    DatedRock,
-    SurvivalAnalysis,
-    cases,
-)
+from pipeline.stages.hazard.sensitivity import AS_NOW, BASE_CASE, DRAWN_ANEW, cases
+from pipeline.stages.hazard.survival_analysis import DatedRock, SurvivalAnalysis
 from vsr_core import GRAVITY
 from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.events import Events
