@@ -140,6 +140,8 @@ DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
     "none": (lambda file: put(file, CURVES, np.full((1, 2, 3, 3), np.nan)), "got nan"),
     "below 0": (lambda file: put(file, CURVES, -file[CURVES][...]), "values.0: got -0.6"),
     "four terabytes": (lambda file: bomb(file), "values of hcurves"),
+    "weights of another file": (lambda file: elsewhere(file), "weights that stands in other"),
+    "weights in raw bytes": (lambda file: outside(file), "weights that stands in other"),
     "more levels than read": (lambda file: full(file, 10_000, 501), "5,010,000 values of PGA"),
     "no weights": (lambda file: put(file, "weights", np.zeros(0)), "individual_rlzs"),
     "negative weights": (lambda file: put(file, "weights", [-0.5, 1.5]), "weight: got -0.5"),
@@ -189,6 +191,21 @@ def twice(file: h5py.File) -> None:
 
 def parameters(file: h5py.File, levels: dict[str, Any], years: float = YEARS) -> None:
     put(file, "oqparam", json.dumps({"hazard_imtls": levels, "investigation_time": years}))
+
+
+def elsewhere(file: h5py.File) -> None:
+    """Weights of a file that is missing, which HDF5 takes for halves."""
+    del file["weights"]
+    layout = h5py.VirtualLayout((2,), "f8")
+    layout[:] = h5py.VirtualSource("missing.hdf5", "weights", shape=(2,))
+    file.create_virtual_dataset("weights", layout, fillvalue=0.5)
+
+
+def outside(file: h5py.File) -> None:
+    del file["weights"]
+    raw = Path(file.filename).with_name("weights.raw")
+    raw.write_bytes(np.full(2, 0.5).tobytes())
+    file.create_dataset("weights", (2,), "f8", external=[(str(raw), 0, 16)])
 
 
 def bomb(file: h5py.File) -> None:
