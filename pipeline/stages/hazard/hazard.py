@@ -21,6 +21,7 @@ from pipeline.config.sections import Key
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.hazard import hazard_figures as figures
+from pipeline.stages.hazard import sensitivity
 from pipeline.stages.hazard.curve_folder import Curves
 from pipeline.stages.hazard.exclusion import ExclusionData
 from pipeline.stages.hazard.exclusion import facts as of_earthquakes
@@ -37,7 +38,6 @@ from pipeline.stages.hazard.open_ends import open_ends
 from pipeline.stages.hazard.other_rocks import Others, dated
 from pipeline.stages.hazard.rock_ages import of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import of_fits, of_members
-from pipeline.stages.hazard.sensitivity import AS_GIVEN, AS_TESTED, BASE_CASE, DRAWN_ANEW, cases
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, DRAWN_AGAIN, AssumedShaking, of_hazard
 from pipeline.stages.hazard.survival_analysis import SurvivalAnalysis
 from pipeline.stages.mesh.products import RockData
@@ -85,11 +85,11 @@ def make(
         rocks.append(dated(fits.folder, other.name, now, given.age, *known))
     compared = {}
     if ensemble is not None:  # beside which settings are compared
-        compared[AS_GIVEN if drawn else AS_TESTED] = (
+        compared[sensitivity.AS_GIVEN if drawn else sensitivity.AS_TESTED] = (
             of_fits(fits) if drawn else of_members(ensemble.data)
         )
     for other in beside.compared:
-        what = f"{AS_GIVEN}, {other.name}" if drawn else other.name
+        what = f"{sensitivity.AS_GIVEN}, {other.name}" if drawn else other.name
         compared[what] = other.fragility(fits.folder)
     used = [*(stage for rock in rocks for stage in rock.stages), *compared.values()]
     ratios = [one.ratios for one in used]
@@ -98,11 +98,12 @@ def make(
     analysis = SurvivalAnalysis(model, tuple(rocks), assumed.shaking, minimum)
     work.log(f"hazard: {strength(analysis.before)}")
     by_member = analysis.survival_of_others()
-    all_cases = cases(analysis, assumed.alternatives, compared)
+    all_cases = sensitivity.cases(analysis, assumed.alternatives, compared)
     results = all_cases[0].results
     of_pgv = assumed.source == "curves"
     found = dataset(analysis, results, by_member, all_cases)
-    not_known = open_ends(analysis, results, work.origin, of_pgv=of_pgv)
+    beyond = open_ends(analysis, results, work.origin, of_pgv=of_pgv)
+    not_known = (*beyond, *sensitivity.too_coarse(all_cases))
     for one in (*beside.slips(), *not_known):
         work.log(f"hazard: {one}")
     facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves)
@@ -234,7 +235,7 @@ def _results(
         "scale": hazard["scale_factor"].item(),
         "effective": [hazard[f"effective_branches_{name}"].item() for name in ("before", "after")],
         "cases": cases,
-        "anew": next((case for case in cases if case["name"] == DRAWN_ANEW), None),
+        "anew": next((case for case in cases if case["name"] == sensitivity.DRAWN_ANEW), None),
         "sampling": float(hazard["survival_error"].max()),
     }
 
@@ -273,7 +274,7 @@ def _events(assumed: AssumedShaking, hazard: xr.Dataset) -> dict[str, Any] | Non
         "years": f"{events.years:,.0f}",
         "pgv": events.pgv is not None,
         "correlation": events.correlation() if DRAWN_AGAIN in rates else math.nan,
-        "rate": rates[BASE_CASE],
+        "rate": rates[sensitivity.BASE_CASE],
         "error": hazard["mean_toppling_rate_error"].item(),
         "independent": hazard["mean_toppling_rate_error_independent"].item(),
         "anew": rates.get(DRAWN_AGAIN),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -91,13 +92,25 @@ class RockFragility:
 
             return merged
 
+        return self._with_rows(self.ratios[np.unique(place, return_index=True)[1]], mean)
+
+    def every_second(self, first: int) -> RockFragility:
+        """The same by half of its rows, from the first or second (0 or 1) on; one row stays."""
+        ratios = self.ratios[first::2]
+        if not len(ratios):
+            return self
+        return self._with_rows(ratios, lambda rows: lambda level: rows(level)[first::2])
+
+    def _with_rows(
+        self, ratios: Array, of: Callable[[RowFragility], RowFragility]
+    ) -> RockFragility:
         return replace(
             self,
-            ratios=self.ratios[np.unique(place, return_index=True)[1]],
-            mean=mean(self.mean),
-            by_yaw={yaw: mean(rows) for yaw, rows in self.by_yaw.items()},
-            others=tuple(map(mean, self.others)),
-            others_by_yaw={yaw: tuple(map(mean, rows)) for yaw, rows in self.others_by_yaw.items()},
+            ratios=ratios,
+            mean=of(self.mean),
+            by_yaw={yaw: of(rows) for yaw, rows in self.by_yaw.items()},
+            others=tuple(map(of, self.others)),
+            others_by_yaw={yaw: tuple(map(of, rows)) for yaw, rows in self.others_by_yaw.items()},
         )
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.stages.hazard.rock_fragility import RockFragility
 from pipeline.stages.hazard.survival_analysis import BranchResults, SurvivalAnalysis
+from pipeline.workflow.grammar import counted
 from vsr_core.hazard.shaking import Shaking
 from vsr_core.hazard.toppling import RowFragility
 
@@ -27,6 +28,11 @@ DRAWN_ANEW = "rock: drawn anew in each earthquake"
 
 AS_NOW = "history: as it stands now, for all of its age"
 """The case without the stages in which a rock was exhumed."""
+
+EVERY_SECOND = tuple(
+    f"grid: every second PGV/PGA of the runs, from the {which} on" for which in ("first", "second")
+)
+"""The cases that show whether the PGV/PGA of the runs are close enough."""
 
 AGES = (5.0, 95.0)
 """Percentiles of the age for a young and an old rock."""
@@ -99,6 +105,32 @@ def _changes(
             age = np.percentile(first.ages, [share])
             name = f"age: {age[0]:,.0f} years, its {share:g} % value"
             yield name, analysis.with_first(first.aged(age))
+    yield from _coarser(analysis)
+
+
+def _coarser(analysis: SurvivalAnalysis) -> Iterator[tuple[str, SurvivalAnalysis]]:
+    if any(len(stage.ratios) > 1 for rock in analysis.rocks for stage in rock.stages):
+        for place, name in enumerate(EVERY_SECOND):
+            rocks = tuple(rock.every_second(place) for rock in analysis.rocks)
+            yield name, replace(analysis, rocks=rocks)
+
+
+def too_coarse(found: Sequence[Case]) -> tuple[str, ...]:
+    """That branches are rejected or not as the PGV/PGA of the runs lie, in words, where they are.
+
+    Parameters
+    ----------
+    found : all cases, the base case first
+    """
+    base = found[0].results.rejected
+    others = [one.results.rejected for one in found if one.name in EVERY_SECOND]
+    if not (turned := int(np.any([one != base for one in others], axis=0).sum())):
+        return ()
+    branches = f"{turned} of {counted(len(base), 'branch', 'branches')}"
+    return (
+        f"every second PGV/PGA of the runs gives another verdict on {branches}: they are too far "
+        "apart to say; set more of them, in equal ratios",
+    )
 
 
 def _by_weakness(analysis: SurvivalAnalysis) -> list[tuple[float, RowFragility]]:

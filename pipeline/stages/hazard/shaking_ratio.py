@@ -137,11 +137,12 @@ def of_hazard(
 
     Parameters
     ----------
-    ratios : PGV/PGA of the rows of each rock [s]
+    ratios : PGV/PGA of the rows of each rock [s], of which cases take every second
     """
     if events is None or events.pgv is None or config.pgv_pga is not None:
         found = of_model(config, model, model.levels[[0, -1]], disaggregated)
-    borders = np.unique(np.concatenate([borders_of(one) for one in ratios]))
+    rows = [some for one in ratios for some in (one, one[::2], one[1::2])]
+    borders = np.unique(np.concatenate([*map(borders_of, rows)]))
     if events is None:
         curves = tuple(one.pga for one in model.branches)
         tables = found.alternatives.items()

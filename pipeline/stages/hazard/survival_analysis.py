@@ -43,6 +43,11 @@ class DatedRock:
         """As it stands now, and in its earlier stages, the latest first."""
         return (self.fragility, *(one for one, _ in self.earlier))
 
+    def every_second(self, first: int) -> DatedRock:
+        """The same by every second PGV/PGA of the runs, from the first or second (0 or 1) on."""
+        earlier = tuple((one.every_second(first), until) for one, until in self.earlier)
+        return replace(self, fragility=self.fragility.every_second(first), earlier=earlier)
+
     @property
     def numbers(self) -> Indices:
         """Of the draws, of which one is the rock, that all stages with draws have; or none."""

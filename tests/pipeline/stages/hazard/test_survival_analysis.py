@@ -32,7 +32,14 @@ from pipeline.stages.hazard.open_ends import begun_late, left_open, off_runs
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_fits, of_members
-from pipeline.stages.hazard.sensitivity import AS_NOW, BASE_CASE, DRAWN_ANEW, cases
+from pipeline.stages.hazard.sensitivity import (
+    AS_NOW,
+    BASE_CASE,
+    DRAWN_ANEW,
+    EVERY_SECOND,
+    cases,
+    too_coarse,
+)
 from pipeline.stages.hazard.survival_analysis import DatedRock, SurvivalAnalysis
 from vsr_core import GRAVITY
 from vsr_core.hazard.curve import HazardCurve
@@ -59,7 +66,8 @@ def model(*rates: float) -> HazardModel:
 
 def of_curves(hazard: HazardModel, *rocks: DatedRock, component: float = 1.0) -> SurvivalAnalysis:
     ratios = [stage.ratios for rock in rocks for stage in rock.stages]
-    borders = np.unique(np.concatenate([*map(borders_of, ratios)]))
+    rows = [some for one in ratios for some in (one, one[::2], one[1::2])]
+    borders = np.unique(np.concatenate([*map(borders_of, rows)]))
     shaking = CurveShaking(tuple(one.pga for one in hazard.branches), TABLE, borders)
     return SurvivalAnalysis(hazard, rocks, shaking.times(component), 0.05)
 
@@ -230,6 +238,41 @@ def test_longer_shaking_is_asked_where_the_runs_stand() -> None:
     analysis = of_curves(model(1e-4), DatedRock("rock", fragility, np.array([1e3])))
     (told,) = off_runs(analysis, origin)
     assert "off 50% of the shaking of 0.316 g" in told
+
+
+def rows_from(ratios: Sequence[float], thresholds: Sequence[float]) -> RockFragility:
+    """Rows of PGV/PGA [s] that topple from a PGA on [g]."""
+    falls = GRAVITY * np.array(thresholds)[:, None]
+    return replace(
+        ensemble([0.5]),
+        ratios=np.array(ratios),
+        mean=lambda level: (level > falls) * 1.0,
+        others=(lambda level: (level > falls) * 1.0,),
+        by_yaw={},
+    )
+
+
+def test_every_second_row_is_a_case_and_a_verdict_that_turns_with_it_is_told() -> None:
+    ratios, thresholds, age = [0.05, 0.08, 0.125, 0.2], [3.0, 2.0, 0.3, 0.3], np.array([1e3])
+    found = {}
+    for pick in (slice(None), slice(0, None, 2), slice(1, None, 2)):
+        rows = rows_from(ratios[pick], thresholds[pick])
+        analysis = of_curves(model(4e-4, 1e-4), DatedRock("rock", rows, age))
+        found[pick.start, pick.step] = cases(analysis, {}, {})
+    whole = found[None, None]
+    halves = [one.results for one in whole if one.name in EVERY_SECOND]
+    for half, alone in zip(halves, (found[0, 2], found[1, 2]), strict=True):
+        np.testing.assert_allclose(half.survival, alone[0].results.survival, rtol=1e-3)
+    assert halves[0].survival[0] < 0.05 < whole[0].results.survival[0] < halves[1].survival[0]
+    (told,) = too_coarse(whole)
+    assert "gives another verdict on 1 of 2 branches" in told
+    alike = of_curves(model(1e-4), DatedRock("rock", rows_from(ratios, [0.5] * 4), age))
+    assert too_coarse(cases(alike, {}, {})) == ()
+
+
+def test_of_one_pgv_pga_no_half_is_a_case() -> None:
+    one = of_curves(model(1e-4), DatedRock("rock", rows_from([0.1], [0.5]), np.array([1e3])))
+    assert not {case.name for case in cases(one, {}, {})} & {*EVERY_SECOND}
 
 
 def test_runs_of_an_older_rock_are_asked_at_its_own_age() -> None:
