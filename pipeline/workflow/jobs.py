@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -62,8 +63,19 @@ def others_of(job: Job) -> Iterator[tuple[str, Job]]:
 
 
 def _settings(given: dict[str, Any]) -> tuple[str, ...]:
-    """Settings of the command line: ``--set``, and what has an option of its own."""
+    """Settings of the command line: ``--set``, and what has an option of its own.
+
+    Raises
+    ------
+    InputError
+        If one is given by both.
+    """
     found = list(given["settings"])
+    for one in ("curves", "events", "age"):
+        key = f"hazard.{one}"
+        if given.get(one) is not None and any(re.match(rf"{key}\b", text) for text in found):
+            rule, remedy = "it is given once", f"leave out --{one}, or --set {key}"
+            raise InputError(Problem(f"--{one}", key, f"--set {key} beside it", rule, remedy))
     for one, other in (("curves", "events"), ("events", "curves")):
         if given.get(one) is not None:
             found += [f"hazard.{one}={in_yaml(given[one])}", f"hazard.{other}=null"]

@@ -62,6 +62,10 @@ LINES = {
     "no figure": (("figures", "--fig", "99"), "--fig: got '99'", "table_1"),
     "a comma in an age": (("run", "hazard", *SITE, "--age", "20,000"), "--age", "'20,000'"),
     "an age below zero": (("run", "hazard", *SITE, "--age", "-5"), "hazard.age.mean: got -5"),
+    "two ages": (
+        ("run", "hazard", *SITE, "--age", "9e3", "--set", "hazard.age.mean=2000"),
+        "--age: hazard.age: got --set hazard.age beside it; it is given once; leave out --age",
+    ),
     "no curves": (("run", "hazard", *SITE, "--curves", "", "--age", "9e3"), "--curves: got ''"),
     "no curves of a fragility": (("run", "fragility", *SITE, "--curves", ""), "--curves: got ''"),
     "no tests of a fragility": (("plan", *SITE, "--table", ""), "--table: ", "takes no --table"),

@@ -142,6 +142,7 @@ class _KeptCode(FunctionCache):
                 known, data = pickle.loads(kept)  # noqa: S301 (sealed, and nobody else's)
                 if known == key:
                     return self._impl.rebuild(target_context, data)
+                _tell(f"a file in {folder} is of another function")
         return None
 
     def _save_overload(self, sig: Any, data: Any) -> None:
@@ -192,7 +193,7 @@ def _unsealed(path: Path) -> bytes | None:
     try:
         with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as f:
             state = os.fstat(f.fileno())
-            own = stat.S_ISREG(state.st_mode) and _is_own(state)
+            own = stat.S_ISREG(state.st_mode) and _is_own(state) and _is_own(path.parent.stat())
             content = f.read(_LARGEST) if own else b""
     except FileNotFoundError:
         return None

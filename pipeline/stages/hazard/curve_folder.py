@@ -30,6 +30,7 @@ from pipeline.stages.hazard.hazard_model import (
     model,
 )
 from pipeline.stages.hazard.shaking_ratio import (
+    PATTERN,
     Disaggregation,
     disaggregation_files,
     load_disaggregation,
@@ -169,12 +170,20 @@ def find(hazard: HazardConfig, origin: Origin) -> Curves:
         found, events = simulated.model, simulated.events
     else:
         found, events = load(path), None
-    unused = found.unused
+    unused = (*found.unused, *_nearly_disaggregations(path, disaggregated))
     if disaggregated is not None:
         of_earthquakes = load_disaggregation(disaggregated)
         _check_place(disaggregated, of_earthquakes.location, found.location)
         unused += of_earthquakes.unused + tuple(_other_rates(of_earthquakes, found))
     return Curves(path, before, found, events, disaggregated, about(path), unused)
+
+
+def _nearly_disaggregations(path: Path, disaggregated: Path | None) -> Iterator[str]:
+    """Files that are called nearly as a disaggregation is, and not read, in words."""
+    for folder in {one for one in (path, disaggregated) if one is not None and one.is_dir()}:
+        for one in sorted(set(folder.glob("*.csv")) - set(disaggregation_files(folder))):
+            if "mag_dist" in one.name.lower():
+                yield f"{one.name} left out, as a disaggregation is named {PATTERN}"
 
 
 def _other_rates(of_earthquakes: Disaggregation, model: HazardModel) -> Iterator[str]:

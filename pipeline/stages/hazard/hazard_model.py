@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -36,6 +36,10 @@ that."""
 MOST_PGA = {475: 3.0, 2475: 5.0}
 """PGA [g] that a mean curve exceeds once in so many years at most: about twice the strongest of
 published maps. Levels in m/s^2 taken for g are beyond it where shaking is moderate already."""
+
+FAR = 7.0
+"""Factor between the rates of a branch and those of the middle of all at the first level, from
+which on it is told: branches differ by how many earthquakes there are, by a few times."""
 
 MEAN = -1
 """In place of the number of a realization."""
@@ -199,7 +203,19 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
             *unused,
             f"{counted(ended, 'level')} of PGA that nothing exceeds left out, at ends of curves",
         )
-    return HazardModel(tuple(branches), (one.lon, one.lat), unused)
+    return HazardModel(tuple(branches), (one.lon, one.lat), (*unused, *_far_apart(branches)))
+
+
+def _far_apart(branches: Sequence[Branch]) -> Iterator[str]:
+    """That a branch has rates that are far from those of the others where these differ least."""
+    off = np.array([one.pga.rates[0] for one in branches])
+    off /= np.median(off)
+    worst = int(np.abs(np.log(off)).argmax())
+    if not 1.0 / FAR <= off[worst] <= FAR:
+        yield (
+            f"branch {branches[worst].name} exceeds the first level {off[worst]:.2g} times as "
+            "often as the middle of all branches: its years may be others"
+        )
 
 
 def _check_strength(source: Path, branches: Sequence[Branch]) -> None:

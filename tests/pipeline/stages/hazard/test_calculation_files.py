@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import h5py
 import numpy as np
 import pytest
 
+from pipeline import ROOT
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.hazard import curve_folder, event_files
@@ -27,6 +29,7 @@ RATES = np.array([[0.2, 4e-3, 2e-5], [0.3, 8e-3, 4e-5]])
 WEIGHTS = [0.6, 0.4]
 YEARS = 5.0
 
+MADE_UP = ROOT / "data" / "raw" / "hazard" / "made_up"
 SHARED = Path(__file__).parents[5] / "shared" / "data" / "hazard" / "disaggregation"
 
 
@@ -482,6 +485,20 @@ def test_disaggregations_of_two_places_or_calculations_are_refused(
     with pytest.raises(InputError, match=re.escape(words)) as error:
         load_disaggregation(tmp_path)
     assert str(error.value).count("\n") == 0
+
+
+@pytest.mark.parametrize("name", ["Mag_Dist.csv", "rlz-0-PGA-sid-0-poe-0_Mag_Dist_1.csv"])
+def test_a_disaggregation_of_another_name_is_told(tmp_path: Path, name: str) -> None:
+    """Beside curves, where PGV/PGA would be another without it."""
+    for path in MADE_UP.glob("*.csv"):
+        shutil.copy(path, tmp_path / path.name)
+    disaggregated(tmp_path, {"mean": MEAN}).rename(tmp_path / name)
+    given = (f"hazard.curves={tmp_path}", "hazard.age={kind: normal, mean: 5000}")
+    site = load_site("double_rock", None, given)
+    found = curve_folder.find(site.config.hazard, site)
+    assert found.disaggregated is None
+    told = f"{name} left out, as a disaggregation is named Mag_Dist-*.csv"
+    assert [line for line in found.unused if "disaggregation" in line] == [told]
 
 
 def test_no_disaggregation_is_refused(tmp_path: Path) -> None:

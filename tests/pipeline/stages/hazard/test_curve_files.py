@@ -296,6 +296,21 @@ def test_curves_that_are_left_out_are_named(tmp_path: Path) -> None:
     assert curve_folder.load(tmp_path).unused[0] == said
 
 
+@pytest.mark.parametrize(("factor", "told"), [(0.2, False), (0.02, True)])
+def test_a_branch_whose_rates_are_of_other_years_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, factor: float, told: bool
+) -> None:
+    """The last of three; the first two are exceeded 0.2 and 0.3 times a year."""
+    monkeypatch.setitem(RATES, 2, [factor * rate for rate in RATES[0]])
+    for number, weight in enumerate((0.4, 0.4, 0.2)):
+        monkeypatch.setitem(WEIGHTS, number, weight)
+    said = curve_folder.load(written(tmp_path)).unused
+    assert [line for line in said if "middle of all branches" in line] == [
+        "branch 2 exceeds the first level 0.02 times as often as the middle of all branches: "
+        "its years may be others"
+    ] * told
+
+
 def nshmp(folder: Path, rates: str, levels: str = "0.01,0.1,0.5,1.0") -> Path:
     (folder / "PGA").mkdir()
     text = f"name,lon,lat,{levels}\nhere,-120.9,35.2,{rates}\n"
