@@ -227,13 +227,13 @@ def read_layers(
     path = _find(site, SITES, "site")
     paths = [BASE, path, *(() if study is None else [_find(study, STUDIES, "study")])]
     files = [(shown(file), _read(file)) for file in paths]
-    given = tuple(map(_setting, one_by_one(settings)))
+    given = layers_of(settings)
     if over is not None:
         for layer in (*(content for _, content in files[2:]), *given):
             layer.pop(without, None)
         paths.append(_find(over[0], STUDIES, "study"))
         files += [*(("--set", layer) for layer in given), (shown(paths[-1]), _read(paths[-1]))]
-        given = tuple(map(_setting, one_by_one(over[1])))
+        given = layers_of(over[1])
     sweep = files[-1][1].pop("sweep", None) if len(paths) > 2 else None
     named = {shown(file): file for file in paths}
     return Layers(path, Request(site, study, settings), tuple(files), named, given, sweep)
@@ -299,6 +299,17 @@ _NEXT = re.compile(r"(\s+)(?=[^\s=\[\]{}\"',]+=)")
 def one_by_one(settings: Iterable[str]) -> list[str]:
     """Settings, of which a text may hold several."""
     return [one for given in settings for one in _parted(given)]
+
+
+def layers_of(settings: Iterable[str]) -> tuple[dict[str, Any], ...]:
+    """A layer of each ``key=value``.
+
+    Raises
+    ------
+    InputError
+        If one is of another form, or its value no YAML.
+    """
+    return tuple(map(_setting, one_by_one(settings)))
 
 
 def _parted(given: str) -> list[str]:

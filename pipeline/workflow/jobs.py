@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.config.layers import Site, load_site
+from pipeline.config.layers import Site, layers_of, load_site
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.slips import warnings
 from pipeline.config.sweep import Sweep, load_sweep
@@ -71,11 +70,7 @@ def _settings(given: dict[str, Any]) -> tuple[str, ...]:
         If one is given by both.
     """
     found = list(given["settings"])
-    for one in ("curves", "events", "age"):
-        key = f"hazard.{one}"
-        if given.get(one) is not None and any(re.match(rf"{key}\b", text) for text in found):
-            rule, remedy = "it is given once", f"leave out --{one}, or --set {key}"
-            raise InputError(Problem(f"--{one}", key, f"--set {key} beside it", rule, remedy))
+    _check_given_once(given)
     for one, other in (("curves", "events"), ("events", "curves")):
         if given.get(one) is not None:
             found += [f"hazard.{one}={in_yaml(given[one])}", f"hazard.{other}=null"]
@@ -86,6 +81,21 @@ def _settings(given: dict[str, Any]) -> tuple[str, ...]:
     elif given.get("age_sd") is not None:
         found.append(f"hazard.age.sd={in_yaml(given['age_sd'])}")
     return tuple(found)
+
+
+def _check_given_once(given: dict[str, Any]) -> None:
+    """Refuse a setting that an option stands over, as it would be dropped."""
+    set_to: dict[str, Any] = {}
+    for layer in layers_of(given["settings"]):
+        if isinstance(section := layer.get("hazard"), dict):
+            set_to |= section
+    over = {"curves": ("curves", "events"), "events": ("curves", "events"), "age": ("age",)}
+    for option, keys in over.items():
+        for key in keys if given.get(option) is not None else ():
+            if set_to.get(key) is not None:
+                said, rule = f"--set hazard.{key} beside it", "one of them is given"
+                remedy = f"leave out --{option}, or --set hazard.{key}"
+                raise InputError(Problem(f"--{option}", f"hazard.{key}", said, rule, remedy))
 
 
 def sweep_of(options: argparse.Namespace) -> Sweep | None:

@@ -64,7 +64,15 @@ LINES = {
     "an age below zero": (("run", "hazard", *SITE, "--age", "-5"), "hazard.age.mean: got -5"),
     "two ages": (
         ("run", "hazard", *SITE, "--age", "9e3", "--set", "hazard.age.mean=2000"),
-        "--age: hazard.age: got --set hazard.age beside it; it is given once; leave out --age",
+        "--age: hazard.age: got --set hazard.age beside it; one of them is given; leave out --age",
+    ),
+    "two ages in a section": (
+        ("run", "hazard", *SITE, "--age", "9e3", "--set", " hazard={age: {mean: 2000}}"),
+        "--age: hazard.age: got --set hazard.age beside it",
+    ),
+    "events beside curves": (
+        ("run", "hazard", *SITE, "--curves", "a", "--set", "hazard.events=b", "--age", "9e3"),
+        "--curves: hazard.events: got --set hazard.events beside it",
     ),
     "no curves": (("run", "hazard", *SITE, "--curves", "", "--age", "9e3"), "--curves: got ''"),
     "no curves of a fragility": (("run", "fragility", *SITE, "--curves", ""), "--curves: got ''"),

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 import xarray as xr
 
-from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS
+from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS, remarks
 from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
 
 Refused = Callable[..., str]
@@ -83,16 +83,29 @@ def test_recorded_tests_without_their_records_are_not_taken_for_pulses(
     refused("run", "validation", "--table", folder, words=("has_record", f"1, and no {RECORDS}"))
 
 
-@pytest.mark.parametrize("name", ["Records.nc", "records.nc4", "records.netcdf"])
+@pytest.mark.parametrize(
+    "name", ["Records.nc", "records.nc4", "records.netcdf", "record.nc", "records (1).nc"]
+)
 def test_records_of_another_name(folder: Path, refused: Refused, name: str) -> None:
     (folder / RECORDS).rename(folder / name)
     refused("run", "validation", "--table", folder, words=(name, f"it is {RECORDS}", "rename it"))
 
 
-@pytest.mark.parametrize("name", ["table.yml", "Table.yaml", "TABLE.YAML"])
+@pytest.mark.parametrize("name", ["table.yml", "TABLE.YAML", "table.yaml.txt", "table (1).yaml"])
 def test_assumptions_of_another_name(folder: Path, refused: Refused, name: str) -> None:
     (folder / name).write_text("density: 2700\n")
     refused("run", "validation", "--table", folder, words=(name, "it is table.yaml", "rename it"))
+
+
+def test_files_that_are_not_read_are_named(folder: Path) -> None:
+    """A second download beside its first, and motions under a name of their own."""
+    for name in ("records (1).nc", "motions.nc", "notes.txt"):
+        (folder / name).write_text("")
+    said = [line for line in remarks(folder, read_tests(folder)) if "nothing reads" in line]
+    assert said == [
+        f"{name} left out, as nothing reads a file of that name"
+        for name in ("motions.nc", "records (1).nc")
+    ]
 
 
 def test_what_has_no_part_is_named(folder: Path) -> None:

@@ -28,6 +28,7 @@ from pipeline.config.sections import (
     STRONG_PGA,
 )
 from pipeline.stages.mesh import mesh_files
+from pipeline.stages.studies.validation.folder_names import check_names, unread
 from pipeline.stages.studies.validation.table_motions import (
     RECORDS,
     commanded,
@@ -143,17 +144,8 @@ def site_of(folder: Path) -> Site:
     if not scans_in(folder):
         rule, remedy = "there is one for each specimen", "call it sp1.ply, in metres"
         raise refused(folder, "", "no scan", rule, remedy)
-    _check_names(folder)
+    check_names(folder, (RECORDS, ASSUMED))
     return Site(name=folder.name, file=shown(folder), path=folder, settings=assumptions(folder))
-
-
-def _check_names(folder: Path) -> None:
-    """Refuse a file that nothing reads, as its name is not quite that of one that is missing."""
-    for name in (RECORDS, ASSUMED):
-        stem, start = Path(name).stem, Path(name).suffix[:2]
-        for other in sorted(folder.glob("*.*")) if not (folder / name).exists() else ():
-            if (other.stem.lower(), other.suffix[:2].lower()) == (stem, start):
-                raise refused(other, "", "a file that is not read", f"it is {name}", "rename it")
 
 
 @dataclass(frozen=True)
@@ -164,9 +156,11 @@ class Folder(Input):
 
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
-        names = [RECORDS, OUTCOMES, ASSUMED, *(scan.name for scan in scans_in(self.path).values())]
-        paths = [self.path / name for name in names]
-        return {path.name: digest_file(path) for path in paths if path.is_file()}
+        return {path.name: digest_file(path) for path in _read(self.path) if path.is_file()}
+
+
+def _read(folder: Path) -> list[Path]:
+    return [*(folder / name for name in (RECORDS, OUTCOMES, ASSUMED)), *scans_in(folder).values()]
 
 
 def find(origin: Origin) -> Folder:
@@ -295,6 +289,7 @@ def _peak_ratios(tests: Tests, found: dict[int, GroundMotion]) -> dict[int, floa
 
 def remarks(folder: Path, tests: Tests) -> Iterator[str]:
     """In what records and table differ more than is usual, in words."""
+    yield from unread(folder, _read(folder))
     records, config = (folder / RECORDS).is_file(), tests.config
     if config.stepper if records else config.acceleration:
         name, count = ("stepper", "a") if records else ("acceleration", "no")
