@@ -146,11 +146,10 @@ def _map(rock: RockFragility, faults: Faults) -> xr.Dataset:
     (weak, strong), (near, far) = _spans(faults)
     magnitudes = np.linspace(weak, strong, max(1 + round((strong - weak) / _STEP), 2))
     distances = np.geomspace(near, far, 2 + int(np.log(far / near) / np.log(_FACTOR)))
-    rows = [
-        _summed(rock, _chances(rock, _shaking(faults, np.full(len(distances), one), distances)))
-        for one in magnitudes
-    ]
-    mean, low, high = (np.array(part) for part in zip(*rows, strict=True))
+    shape = len(magnitudes), len(distances)
+    every = np.repeat(magnitudes, shape[1]), np.tile(distances, shape[0])
+    chances = _chances(rock, _shaking(faults, *every))
+    mean, low, high = (part.reshape(shape) for part in _summed(rock, chances))
     axes = ("magnitude", "distance")
     least = np.stack([nearest(distances, mean, chance) for chance in STANDING], axis=1)
     return xr.Dataset(

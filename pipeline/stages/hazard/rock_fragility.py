@@ -175,31 +175,46 @@ def of_members(data: xr.Dataset) -> RockFragility:
     overturned, tested = data["overturned"].values, _searched(data)
     tried = in_si.acceleration(np.array(tested))
 
-    def rows_with(cells: Array, edges: Array, own: slice) -> RowFragility:
-        fitted = lognormal_rows(theta[own], beta[own])
+    def rows_with(cells: Array, edges: Array, fitted: RowFragility) -> RowFragility:
         rows = continued_rows(partial(_share, levels, cells, edges), tried, fitted)
         unknown = np.asarray(np.isnan(edges).all(axis=0))[:, None]
         return lambda level: np.where(unknown, fitted(level), rows(level))
 
-    every, yaws = slice(None), [(float(yaw), i) for i, yaw in enumerate(data["yaw"].values)]
+    fits = _remembered(lognormal_rows(theta, beta))
+    own = [
+        _remembered(lognormal_rows(*one)) for one in zip(theta[:, None], beta[:, None], strict=True)
+    ]
+    yaws = [(float(yaw), i) for i, yaw in enumerate(data["yaw"].values)]
     members = list(zip(overturned, edges, strict=True))
-    of_yaw = {yaw: rows_with(overturned[:, i], edges[:, i], slice(i, i + 1)) for yaw, i in yaws}
+    of_yaw = {yaw: rows_with(overturned[:, i], edges[:, i], own[i]) for yaw, i in yaws}
     found = RockFragility(
         data[ratio].values,
         lambda level: np.mean([rows(level) for rows in of_yaw.values()], axis=0),
         of_yaw,
-        tuple(rows_with(*one, every) for one in members),
+        tuple(rows_with(*one, fits) for one in members),
         DRAWN,
         tested,
         (),
         row == "record",
         {
-            yaw: tuple(rows_with(cells[[i]], edge[[i]], slice(i, i + 1)) for cells, edge in members)
+            yaw: tuple(rows_with(cells[[i]], edge[[i]], own[i]) for cells, edge in members)
             for yaw, i in yaws
         },
         data["drawn_seed"].values - FIRST_SEED,
     )
     return found.one_row_each()
+
+
+def _remembered(rows: RowFragility) -> RowFragility:
+    """The same, computed once for all draws that are asked about the same levels in turn."""
+    last: list[Array] = []
+
+    def asked(level: Array) -> Array:
+        if not last or not np.array_equal(last[0], level):
+            last[:] = level.copy(), rows(level)
+        return last[1]
+
+    return asked
 
 
 def _without_fragility(file: str, page: str) -> InputError:
