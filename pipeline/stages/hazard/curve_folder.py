@@ -8,7 +8,7 @@ branches: the curve is the mean of the model.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,7 @@ from pipeline.stages.hazard.shaking_ratio import (
     disaggregation_files,
     load_disaggregation,
 )
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.keys import digest_file
 from pipeline.workflow.stage import FilesInput
 from vsr_core.hazard.events import Events
@@ -170,12 +171,27 @@ def find(hazard: HazardConfig, origin: Origin) -> Curves:
         found, events = simulated.model, simulated.events
     else:
         found, events = load(path), None
+        found = replace(found, unused=(*found.unused, *_nearly_of_pgv(path, found)))
     unused = (*found.unused, *_nearly_disaggregations(path, disaggregated))
     if disaggregated is not None:
         of_earthquakes = load_disaggregation(disaggregated)
         _check_place(disaggregated, of_earthquakes.location, found.location)
         unused += of_earthquakes.unused + tuple(_other_rates(of_earthquakes, found))
     return Curves(path, before, found, events, disaggregated, about(path), unused)
+
+
+def _nearly_of_pgv(path: Path, model: HazardModel) -> Iterator[str]:
+    """Files that seem to be curves of PGV where none was found, in words."""
+    if not path.is_dir() or any(one.pgv for one in model.branches):
+        return
+    names = [
+        one.relative_to(path).as_posix()
+        for one in sorted({*path.glob("*.csv"), *path.glob("*/*.csv")})
+        if one.parent != path or not one.name.startswith(("hazard_curve-", "quantile_curve-"))
+    ]
+    if seem := [name for name in names if "pgv" in name.lower()]:
+        others = f" and {counted(len(seem) - 1, 'other')}" if len(seem) > 1 else ""
+        yield f"{seem[0]!r}{others} left out, as curves of PGV are named as those of PGA are"
 
 
 def _nearly_disaggregations(path: Path, disaggregated: Path | None) -> Iterator[str]:

@@ -21,7 +21,7 @@ from pipeline.stages.hazard import curve_folder, event_files
 from pipeline.stages.hazard.shaking_ratio import load_disaggregation
 from tests.support.bad_input import bounded
 from tests.support.event_sets import EventSet
-from tests.support.outside_files import of_events
+from tests.support.outside_files import nshmp, of_events
 from vsr_core import GRAVITY
 
 LEVELS = {"PGA": [0.01, 0.1, 1.0], "PGV": [0.5, 5.0, 50.0], "SA(1.0)": [0.02, 0.2, 2.0]}
@@ -499,6 +499,33 @@ def test_a_disaggregation_of_another_name_is_told(tmp_path: Path, name: str) -> 
     assert found.disaggregated is None
     told = f"{name} left out, as a disaggregation is named Mag_Dist-*.csv"
     assert [line for line in found.unused if "disaggregation" in line] == [told]
+
+
+@pytest.mark.parametrize("name", ["PGV/{}", "curve-{}"])
+def test_curves_of_pgv_of_another_name_or_place_are_told(tmp_path: Path, name: str) -> None:
+    """All nine and the mean, without which PGV/PGA is assumed."""
+    (tmp_path / "PGV").mkdir()
+    for path in MADE_UP.glob("*.csv"):
+        new = name.format(path.name) if path.match("hazard_curve-*PGV*") else path.name
+        shutil.copy(path, tmp_path / new)
+    given = (f"hazard.curves={tmp_path}", "hazard.age={kind: normal, mean: 5000}")
+    site = load_site("double_rock", None, given)
+    first = name.format("hazard_curve-mean-PGV_1.csv")
+    assert [one for one in curve_folder.find(site.config.hazard, site).unused if "PGV" in one] == [
+        f"'{first}' and 9 others left out, as curves of PGV are named as those of PGA are"
+    ]
+
+
+@pytest.mark.parametrize("name", ["pgv/curves.csv", "PGV/Curves.csv", "PGV.csv"])
+def test_a_curve_of_pgv_of_nshmp_of_another_name_is_told(tmp_path: Path, name: str) -> None:
+    path = nshmp(tmp_path)
+    of_pga = path / "PGA" / "curves.csv"
+    (path / name).parent.mkdir(exist_ok=True)
+    shutil.copy(of_pga, path / name)
+    given = (f"hazard.curves={path}", "hazard.age={kind: normal, mean: 5000}")
+    site = load_site("double_rock", None, given)
+    (told,) = (one for one in curve_folder.find(site.config.hazard, site).unused if "PGV" in one)
+    assert told == f"'{name}' left out, as curves of PGV are named as those of PGA are"
 
 
 def test_no_disaggregation_is_refused(tmp_path: Path) -> None:
