@@ -99,12 +99,12 @@ def test_assumptions_of_another_name(folder: Path, refused: Refused, name: str) 
 
 def test_files_that_are_not_read_are_named(folder: Path) -> None:
     """A second download beside its first, and motions under a name of their own."""
-    for name in ("records (1).nc", "motions.nc", "notes.txt"):
+    for name in ("records (1).nc", "motions.cdf", "notes.txt"):
         (folder / name).write_text("")
     said = [line for line in remarks(folder, read_tests(folder)) if "nothing reads" in line]
     assert said == [
         f"{name} left out, as nothing reads a file of that name"
-        for name in ("motions.nc", "records (1).nc")
+        for name in ("motions.cdf", "records (1).nc")
     ]
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from pipeline.config.outside import refused
 
-KINDS = (".nc", ".yaml", ".yml", ".csv", ".ply", ".hdf5", ".h5")
-"""Ends of names of files that may have been meant."""
+NOTES = ("", ".md", ".txt", ".json", ".pdf", ".png", ".jpg")
+"""Ends of names of files that are for people."""
 
 
 def check_names(folder: Path, names: Iterable[str]) -> None:
@@ -31,8 +31,8 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
 
 
 def unread(folder: Path, read: Iterable[Path]) -> Iterator[str]:
-    """Files that may have been meant, and are not read, in words."""
+    """Files but for notes that are not read, in words."""
     known = {path.name for path in read}
     for path in sorted(folder.iterdir()):
-        if path.suffix.lower() in KINDS and path.name not in known:
+        if path.suffix.lower() not in NOTES and path.name not in known:
             yield f"{path.name} left out, as nothing reads a file of that name"
