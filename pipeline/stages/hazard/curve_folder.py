@@ -196,7 +196,7 @@ def _nearly_of_pgv(path: Path, model: HazardModel) -> Iterator[str]:
 
 def _nearly_disaggregations(path: Path, disaggregated: Path | None) -> Iterator[str]:
     """Files that are called nearly as a disaggregation is, and not read, in words."""
-    for folder in {one for one in (path, disaggregated) if one is not None and one.is_dir()}:
+    for folder in dict.fromkeys(one for one in (path, disaggregated) if one and one.is_dir()):
         for one in sorted(set(folder.glob("*.csv")) - set(disaggregation_files(folder))):
             if "mag_dist" in one.name.lower():
                 yield f"{one.name} left out, as a disaggregation is named {PATTERN}"
