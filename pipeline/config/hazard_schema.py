@@ -13,6 +13,7 @@ from pipeline.config.sections import (
     LEAST_RATIO,
     SMALLEST_PGA,
     Lax,
+    Outside,
     Refused,
     Section,
 )
@@ -71,7 +72,7 @@ class SampledAge(Section):
     values: Annotated[tuple[Years, ...], Lax] = Field(
         (), min_length=1, max_length=MOST_SAMPLES, description="equally likely ages [year]"
     )
-    file: str | None = Field(
+    file: Outside | None = Field(
         None,
         description="in place of values: CSV with a column `age_a` of equally likely ages; "
         "relative to the file that names it",
@@ -89,7 +90,7 @@ class HazardRock(Section):
         min_length=1,
         description="its site, by name or by the path of its YAML; with `archive` its name there",
     )
-    archive: str | None = Field(
+    archive: Outside | None = Field(
         None,
         description="table of rocks known by a photograph that holds it, as `make archive` takes "
         "it; relative to the file that names it",
@@ -158,12 +159,12 @@ class RatioConfig(Section):
 class HazardConfig(Section):
     """Test of the branches of a hazard model with a rock that has survived for its age."""
 
-    curves: str | None = Field(
+    curves: Outside | None = Field(
         None,
         description="folder of hazard curves of OpenQuake or nshmp-haz, or OpenQuake's "
         "calc_N.hdf5; relative to the file that names it",
     )
-    events: str | None = Field(
+    events: Outside | None = Field(
         None,
         description="in place of curves: folder of a stochastic event set of OpenQuake, or its "
         "calc_N.hdf5; relative to the file that names it",
@@ -197,17 +198,17 @@ class HazardConfig(Section):
     pgv_pga: RatioConfig | None = Field(
         None, description="PGV/PGA at each PGA; null to derive it from PGV curves or disaggregation"
     )
-    disaggregation: str | None = Field(
+    disaggregation: Outside | None = Field(
         None,
         description="OpenQuake's Mag_Dist CSV of PGA, or a folder with it; null for the folder of "
         "the curves",
     )
-    faults: str | None = Field(
+    faults: Outside | None = Field(
         None,
         description="CSV of faults near the rock, for `make exclusion`; relative to the file that "
         "names it",
     )
-    ground_motion: str | None = Field(
+    ground_motion: Outside | None = Field(
         None,
         description="CSV of median PGA and PGV with their standard deviations by magnitude and "
         "distance, for `make exclusion`; null for equations for rock and strike-slip",

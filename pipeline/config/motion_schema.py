@@ -23,6 +23,7 @@ from pipeline.config.sections import (
     Corner,
     Grid,
     Lax,
+    Outside,
     Range,
     Rate,
     Refused,
@@ -122,7 +123,7 @@ def is_along_x(motion: Mapping[str, Any]) -> bool:
 
 
 Files = Annotated[
-    tuple[str, ...],
+    tuple[Outside, ...],
     Lax,
     BeforeValidator(as_values, json_schema_input_type=str | list[str]),
     Field(min_length=1),
@@ -171,7 +172,7 @@ _Edge = Annotated[float, Field(ge=0, le=100_000)]
 class ResponseConfig(Section):
     """Removal of an instrument's response."""
 
-    file: str = Field(
+    file: Outside = Field(
         description="StationXML file of the instruments; relative to the file that names it"
     )
     corners: Annotated[tuple[_Edge, _Edge, _Edge, _Edge], Lax] = Field(
@@ -209,7 +210,7 @@ class AxesConfig(Section):
 class ComponentsConfig(Section):
     """A recorded motion along several axes, all scaled by one factor."""
 
-    file: str | None = Field(
+    file: Outside | None = Field(
         None,
         description="one file of several channels, named as `components`; without these the "
         "channels that end in E, N and Z are x, y and z",

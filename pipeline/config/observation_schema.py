@@ -12,6 +12,7 @@ from pipeline.config.sections import (
     LEAST_RATIO,
     SMALLEST_PGA,
     Lax,
+    Outside,
     Refused,
     Section,
 )
@@ -83,7 +84,7 @@ class ShakeTest(_Observation):
     """The ground was shaken by a known motion."""
 
     kind: Literal["shake"] = Field(description="kind of observation")
-    motion: str = Field(
+    motion: Outside = Field(
         min_length=1,
         description="file of the ground's acceleration; relative to the file that names it",
     )

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from pipeline.config.fragility_schema import Resolution
-from pipeline.config.sections import Density, Lax, Refused, Section
+from pipeline.config.sections import Density, Lax, Outside, Refused, Section
 
 
 class Spread(Section):
@@ -85,7 +85,7 @@ class ScanErrorConfig(Section):
     correlation_length: float = Field(
         0.1, gt=0, le=100, description="correlation length of the scan's error [m]"
     )
-    replica: str | None = Field(
+    replica: Outside | None = Field(
         None,
         description="second scan of the same form, in metres; draws interpolate the two, and "
         "error is not used; relative to the file that names it",

@@ -17,6 +17,7 @@ from pipeline.config.sections import (
     Lax,
     Length,
     Mass,
+    Outside,
     Range,
     Rate,
     Refused,
@@ -60,7 +61,7 @@ class RockConfig(Section):
     size: Annotated[tuple[float, float, float], Lax] | None = Field(
         None, description="lengths of a box along x, y, z at yaw 0 [m]"
     )
-    mesh: str | None = Field(
+    mesh: Outside | None = Field(
         None,
         description="scan of the rock, z up, or a folder with one: .ply, .stl, .obj, .dae or .glb; "
         "relative to the file that names it",
@@ -167,7 +168,7 @@ class PedestalConfig(Section):
     shape: Literal["flat", "mesh"] = Field(
         "flat", description="level ground, or a terrain: that in the rock's scan, or `mesh`"
     )
-    mesh: str | None = Field(
+    mesh: Outside | None = Field(
         None,
         description="terrain in a file of its own, in metres, z up, named as rock.mesh is; the "
         "rock stands on it at rock.pose, and nothing is cut",

@@ -6,9 +6,19 @@ digits and a run ends in time that one would wait for.
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    SerializationInfo,
+    Strict,
+    model_validator,
+)
 
 _DIGITS = 12
 
@@ -39,6 +49,18 @@ class Key(NamedTuple):
     """Of an annotation: the dotted key of the one setting that a parameter takes."""
 
     name: str
+
+
+IN_KEYS = "keys"
+"""Context of what keys of products hold of settings."""
+
+
+def _as_told(path: str, info: SerializationInfo) -> str:
+    return PurePath(path).name if info.context == IN_KEYS else path
+
+
+Outside = Annotated[str, PlainSerializer(_as_told)]
+"""A path of a file or folder. Of what it names, keys hold the content, and so its name alone."""
 
 
 class Section(BaseModel):

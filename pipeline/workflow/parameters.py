@@ -19,6 +19,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel
 
+from pipeline.config.sections import IN_KEYS
 from pipeline.workflow.grammar import counted
 from vsr_core.source import tracing
 
@@ -135,8 +136,9 @@ class Values:
         self._settings = settings
 
     @cached_property
-    def _tree(self) -> dict[str, Any]:
-        return self._settings.model_dump(mode="json")
+    def tree(self) -> dict[str, Any]:
+        """All of them."""
+        return self._settings.model_dump(mode="json", context=IN_KEYS)
 
     def holds(self, key: str) -> bool:
         """Whether it is one of their keys."""
@@ -144,13 +146,15 @@ class Values:
 
     def plain(self, key: str) -> Any:
         """A section, a value, or a property of the configuration, as plain data."""
-        if key.partition(".")[0] in self._tree:
-            found: Any = self._tree
+        if key.partition(".")[0] in self.tree:
+            found: Any = self.tree
             for part in key.split("."):
                 found = found[part]
             return found
         value = getattr(self._settings, key)
-        return value.model_dump(mode="json") if isinstance(value, BaseModel) else value
+        if isinstance(value, BaseModel):
+            return value.model_dump(mode="json", context=IN_KEYS)
+        return value
 
     def given(self, key: str) -> Any:
         """The same as a function takes it; None for a section that counts for nothing."""

@@ -76,7 +76,7 @@ def settle(job: Job) -> None:
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     settings = yaml.dump(tree, Dumper=dumper, sort_keys=False)
     facts = {"key": key, "place": str(job.site.path), "unresolved": 0, "retry": 0,
-             "facts": {"config": tree, "needs": {}}}  # fmt: skip
+             "facts": {"config": Values(job.site.settings).tree, "needs": {}}}  # fmt: skip
     store.open()
     mark(job)  # first: killed in between, products are taken for stale, and never for fresh
     content = f"# resolved configuration of {job.site.label}\n{settings}"

@@ -372,6 +372,31 @@ def test_results_written_anew_while_they_are_read_are_refused(
     assert not (tmp_path / "study.zip").exists()
 
 
+def test_where_an_input_lies_is_no_part_of_a_product_but_what_it_holds_is(
+    made: Path, vsr: Callable[..., Ran], tmp_path: Path
+) -> None:
+    record, site = tmp_path / "elsewhere" / "shake.csv", tmp_path / "own" / "pebble.yaml"
+    record.parent.mkdir()
+    site.parent.mkdir()
+    shutil.copy(tmp_path / "there" / "records" / record.name, record)
+    site.write_text(SITE.replace("../records/shake.csv", str(record)))
+    run = ["run", "responses", "--site", site, "--derived", made.parent, "--workers", "0"]
+    assert vsr(*run).code == cli.DONE
+    assert _key(made.with_name("pebble")) == _key(made)
+    assert vsr("export", made.with_name("pebble"), "--to", tmp_path / "study.zip").code == cli.DONE
+    ran = vsr("check", tmp_path / "study.zip")
+    assert (ran.code, "changed" in ran.out) == (cli.DONE, False), ran.out
+    record.write_text(record.read_text() + "2.01,0.0\n")
+    assert vsr(*run).code == cli.DONE
+    assert _key(made.with_name("pebble")) != _key(made)
+
+
+def _key(folder: Path) -> str:
+    manifest = Store(folder).manifest("responses")
+    assert manifest is not None
+    return str(manifest["key"])
+
+
 @pytest.mark.slow
 def test_curves_in_folders_of_a_folder_are_in_it(
     write_site: Callable[..., str], vsr: Callable[..., Ran], derived: Path, tmp_path: Path
