@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.config.folder_names import unread
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.in_si import in_g
 from pipeline.config.layers import Origin
@@ -169,6 +170,7 @@ def find(hazard: HazardConfig, origin: Origin) -> Curves:
     if hazard.events is not None:
         simulated = event_files.load(path, hazard.effective_time)
         found, events = simulated.model, simulated.events
+        found = replace(found, unused=(*found.unused, *_unread_of_events(path)))
     else:
         found, events = load(path), None
         found = replace(found, unused=(*found.unused, *_nearly_of_pgv(path, found)))
@@ -192,6 +194,16 @@ def _nearly_of_pgv(path: Path, model: HazardModel) -> Iterator[str]:
     if seem := [name for name in names if "pgv" in name.lower()]:
         others = f" and {counted(len(seem) - 1, 'other')}" if len(seem) > 1 else ""
         yield f"{seem[0]!r}{others} left out, as curves of PGV are named as those of PGA are"
+
+
+def _unread_of_events(path: Path) -> Iterator[str]:
+    """Files of a folder of events that are not read, in words; of those of OpenQuake's file none.
+
+    Those that are called as a disaggregation is, or nearly, are told of with it.
+    """
+    if path.is_dir():
+        others = (one for one in path.iterdir() if "mag_dist" in one.name.lower())
+        yield from unread(path, [*event_files.files(path), *others])
 
 
 def _nearly_disaggregations(path: Path, disaggregated: Path | None) -> Iterator[str]:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from pipeline.config import in_si
+from pipeline.config.folder_names import check_names, unread
 from pipeline.config.layers import Origin, Site, load_file
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located, shown
@@ -28,7 +29,6 @@ from pipeline.config.sections import (
     STRONG_PGA,
 )
 from pipeline.stages.mesh import mesh_files
-from pipeline.stages.studies.validation.folder_names import check_names, unread
 from pipeline.stages.studies.validation.table_motions import (
     RECORDS,
     commanded,

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from pipeline.config import long_tables
+from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
-from pipeline.stages.hazard import event_files
+from pipeline.stages.hazard import curve_folder, event_files
 from tests.support.bad_input import bounded
 from tests.support.event_sets import EventSet
 from vsr_core import GRAVITY
@@ -208,6 +209,19 @@ def test_a_file_that_is_missing_or_there_twice_is_named(tmp_path: Path, name: st
     (tmp_path / f"{name}_6.csv").unlink()
     with pytest.raises(InputError, match=f"{name}: got no such file"):
         event_files.load(tmp_path, None)
+
+
+@pytest.mark.parametrize("name", ["Ruptures_5.csv", "rupture_5.csv", "ruptures_5 (1).csv"])
+def test_ruptures_of_another_name_are_told(tmp_path: Path, name: str) -> None:
+    """Without them nothing is known of magnitudes."""
+    (written(tmp_path) / "ruptures_5.csv").rename(tmp_path / name)
+    (tmp_path / "about.txt").write_text("a note")
+    age = "hazard.age={kind: normal, mean: 5000}"
+    events = (f"hazard.events={tmp_path}", "hazard.effective_time=100")
+    given = ("hazard.curves=null", *events, age)
+    site = load_site("double_rock", None, given)
+    told = [line for line in curve_folder.find(site.config.hazard, site).unused if "name" in line]
+    assert told == [f"{name} left out, as nothing reads a file of that name"]
 
 
 def test_fields_without_rows_are_refused_and_a_strange_column_is_named(tmp_path: Path) -> None:
