@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import trimesh
@@ -143,6 +144,19 @@ def test_records_are_refused(folder: Path, refused: Refused, case: str) -> None:
 @pytest.mark.parametrize("content", [b"", b"\x89HDF\r\n\x1a\n" + bytes(100), b"noise" * 99])
 def test_records_that_are_no_netcdf(folder: Path, refused: Refused, content: bytes) -> None:
     (folder / RECORDS).write_bytes(content)
+    refused("run", "validation", "--table", folder, words=(RECORDS, "cannot be read", "NetCDF"))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.999])
+def test_a_flipped_bit_of_packed_records(folder: Path, refused: Refused, share: float) -> None:
+    """Which is met when the numbers are unpacked, long after the file is opened."""
+    path = folder / RECORDS
+    records().to_netcdf(path, encoding={"acceleration": {"zlib": True}})
+    with h5py.File(path) as file:
+        packed = file["acceleration"].id.get_chunk_info(0)
+    content = bytearray(path.read_bytes())
+    content[packed.byte_offset + int(share * packed.size)] ^= 1
+    path.write_bytes(content)
     refused("run", "validation", "--table", folder, words=(RECORDS, "cannot be read", "NetCDF"))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import netCDF4
@@ -231,23 +233,38 @@ def _check_rate(path: Path, rate: object, interval: float) -> None:
         raise refused(path, "time", given, "they agree", "correct one of them")
 
 
-def _records(folder: Path) -> xr.Dataset:
-    check_file(folder / RECORDS, _LARGEST)
-    check_heaps(folder / RECORDS)
+@contextmanager
+def _records(folder: Path) -> Iterator[xr.Dataset]:
+    """The records, of which numbers are read as they are asked for."""
+    path = folder / RECORDS
+    with _opened(path) as records:
+        try:
+            yield records
+        except (OSError, RuntimeError) as error:  # of numbers that cannot be unpacked
+            raise _unreadable(path, error) from None
+
+
+def _opened(path: Path) -> xr.Dataset:
+    check_file(path, _LARGEST)
+    check_heaps(path)
     try:
-        with (folder / RECORDS).open("rb") as file:
+        with path.open("rb") as file:
             check_format(file.read(3))
-        with netCDF4.Dataset(folder / RECORDS) as data:
+        with netCDF4.Dataset(path) as data:
             sizes = {name: variable.size for name, variable in data.variables.items()}
         most = dict.fromkeys(("test", "n_samples"), _MOST_TESTS)
         for name in (name for name, size in sizes.items() if size > most.get(name, _MOST)):
             given, rule = f"{sizes[name]} numbers", f"it holds at most {most.get(name, _MOST)}"
-            raise refused(folder / RECORDS, name, given, rule, "cut the tests to their shaking")
-        return xr.open_dataset(folder / RECORDS, decode_times=False)
+            raise refused(path, name, given, rule, "cut the tests to their shaking")
+        return xr.open_dataset(path, decode_times=False)
     except InputError:
         raise
     except InvalidInput as error:
-        raise InputError.from_invalid(shown(folder / RECORDS), "", error) from None
+        raise InputError.from_invalid(shown(path), "", error) from None
     except Exception as error:  # noqa: BLE001 (of a broken file, whatever HDF5 meets first)
-        given = f"a file that cannot be read ({reason(error)})"
-        raise refused(folder / RECORDS, "", given, "it is NetCDF", "correct it") from None
+        raise _unreadable(path, error) from None
+
+
+def _unreadable(path: Path, error: Exception) -> InputError:
+    given = f"a file that cannot be read ({reason(error)})"
+    return refused(path, "", given, "it is NetCDF", "correct it")
