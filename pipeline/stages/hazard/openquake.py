@@ -80,8 +80,8 @@ _WEIGHTS = "realizations*.csv"
 _NUMBER = re.compile(r"_(\d+)\.csv")
 _SAID = {
     "checksum": re.compile(r"\bchecksum\s*=\s*(\d+)"),
-    "lon": re.compile(r"\blon\s*=\s*([-+.\de]+)"),
-    "lat": re.compile(r"\blat\s*=\s*([-+.\de]+)"),
+    "lon": re.compile(r"\blon\s*=\s*([^\s,'\"]+)"),
+    "lat": re.compile(r"\blat\s*=\s*([^\s,'\"]+)"),
 }
 """What a first line says of its calculation, and of the site where it has one only."""
 

@@ -444,6 +444,8 @@ PLACE = f"{EDGES}, lon=-120.9, lat=35.2"
         ({"mean": MEAN}, EDGES.replace("20.0", "24.0"), "dist: got a bin at 30; by its first line"),
         ({"mean": MEAN}, EDGES.replace("20.0", "2000.0"), "dist: got a bin at 10; by its first"),
         ({"mean": MEAN}, EDGES.replace("40.0", "x"), "dist.2: got ' x'"),
+        ({"mean": MEAN}, f"{EDGES}, lon=nan, lat=35.2", "lon: got 'nan'; "),
+        ({"mean": MEAN}, f"{EDGES}, lon=-120.9, lat=inf", "lat: got 'inf'; "),
         (
             {"rlz0": MEAN},
             f"{EDGES}, weights=[0.25, 0.75]",
