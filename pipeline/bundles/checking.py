@@ -26,7 +26,7 @@ from pipeline.bundles.layout import (
     unpack,
 )
 from pipeline.config.layers import load_site
-from pipeline.config.outside import endless_heap
+from pipeline.config.outside import damaged_heap
 from pipeline.config.problems import InputError, Problem, printable
 from pipeline.workflow import graph, keys
 from pipeline.workflow.grammar import counted, listed
@@ -104,7 +104,7 @@ def _not_as_made(told: About, manifests: dict[str, dict[str, Any]]) -> Iterator[
 def _not_of(key: str, file: Path) -> str:
     """Why a dataset is not what has a key; empty where it is, and of one without a key."""
     try:
-        if endless_heap(file) is not None:
+        if damaged_heap(file) is not None:
             return "is no dataset that HDF5 would come to the end of"
         with netCDF4.Dataset(file) as data:
             return "" if getattr(data, "vsr_key", key) == key else "has another key than that"

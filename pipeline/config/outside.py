@@ -38,7 +38,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.config.refusals import problem
 from pipeline.config.sections import Refused, Section
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.hdf5_heaps import endless
+from vsr_core.motions.hdf5_heaps import damaged
 from vsr_core.motions.named_columns import is_cut
 
 LARGEST = 64 * 1024**2
@@ -140,20 +140,20 @@ def held(path: Path, largest: int) -> bytes:
         raise _unreadable(error) from None
 
 
-def endless_heap(path: Path) -> int | None:
+def damaged_heap(path: Path) -> int | None:
     """Place of a heap in a file that HDF5 would read for ever; None if there is none."""
     if not path.stat().st_size:
         return None
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as held:
-        return endless(held)
+        return damaged(held)
 
 
 def check_heaps(path: Path) -> None:
     """Refuse a file that HDF5 would read for ever."""
-    at = endless_heap(path)
+    at = damaged_heap(path)
     if at is not None:
-        rule = "a free place in it has a length"
-        raise refused(path, f"heap at byte {at}", "one without end", rule, "copy it again")
+        rule = "what is in it follows each other to its end"
+        raise refused(path, f"heap at byte {at}", "a damaged one", rule, "copy it again")
 
 
 def _unreadable(error: OSError) -> InvalidInput:

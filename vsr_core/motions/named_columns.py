@@ -13,7 +13,7 @@ import numpy as np
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
-from vsr_core.motions.hdf5_heaps import endless
+from vsr_core.motions.hdf5_heaps import damaged
 
 _BRACKETS = re.compile(r"((?:.*[\])])?[^\[(\])]*)[\[(]([^\])]*)[\])]")
 """A name and its unit, in the last brackets. Each character is in one of its parts alone: 60,000
@@ -153,8 +153,8 @@ def of_netcdf(content: bytes) -> NetCDF:
         If it is no whole NetCDF, has groups, has no coordinate ``time``, or is of an older format.
     """
     check_format(content)
-    if endless(content) is not None:
-        given = "a NetCDF file with a heap without end, which HDF5 would read for ever"
+    if damaged(content) is not None:
+        given = "a NetCDF file with a damaged heap, which HDF5 may read for ever"
         raise InvalidInput(given, "it is whole", "write or download it again")
     try:
         with netCDF4.Dataset("motion.nc", memory=content) as data:

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from vsr_core.motions.hdf5_heaps import damaged
+
 _HEADS = {1: 8, 2: 8, 3: 9}
 """Bytes of an attribute before its name, the first of which is the version."""
 
@@ -93,7 +95,10 @@ def _lengths(file: Any, data: Any) -> Iterator[int]:
     """Sums of the lengths that values of no fixed length say they have, where they are stored."""
     kind = data.get_type()
     places, row = list(_places(kind, 0)), kind.get_size() + _longer(kind)
-    if not places or data.get_create_plist().get_nfilters():
+    if not places:
+        return
+    if data.get_create_plist().get_nfilters():  # where they lie is packed with how long they are
+        _check_all_heaps(file)
         return
     for start, size in _blocks(data):
         file.seek(start)
@@ -101,6 +106,12 @@ def _lengths(file: Any, data: Any) -> Iterator[int]:
         rows = held[: held.size - held.size % row].reshape(-1, row)
         for at in places:
             yield rows[:, at : at + 4].copy().view("<u4").sum(dtype=np.int64)
+
+
+def _check_all_heaps(file: Any) -> None:
+    with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as held:
+        if (at := damaged(held, packed=True)) is not None:
+            raise ValueError(f"a damaged heap at byte {at}")
 
 
 def _blocks(data: Any) -> Iterator[tuple[int, int]]:

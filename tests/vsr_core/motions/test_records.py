@@ -22,7 +22,7 @@ from scipy.signal.windows import tukey
 from support import record_files as files
 
 from pipeline import ROOT
-from pipeline.config.outside import endless_heap
+from pipeline.config.outside import damaged_heap
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.pulses import CosinePulse
@@ -340,8 +340,14 @@ def test_a_table_of_text_is_no_longer_than_a_record() -> None:
     refusal(lambda: read(text.encode(), ".csv", PLAIN), "1000001 rows", "resample it")
 
 
-def test_a_heap_without_end_is_refused_before_it_is_read(tmp_path: Path) -> None:
-    """Texts with other letters lie in one; its free place is given no length."""
+@pytest.mark.parametrize(
+    ("number", "length"), [(0, 0), (0, (1 << 64) - 8), (1, (1 << 64) - 16), (1, 1 << 20)]
+)
+def test_a_damaged_heap_is_refused_before_it_is_read(
+    tmp_path: Path, number: int, length: int
+) -> None:
+    """Texts with other letters lie in one; its free place, or a text, is followed by itself, by
+    what is before it, or goes beyond the end."""
     path = tmp_path / "one.nc"
     files.netcdf(path, VALUES, STEP, "m/s2")
     with netCDF4.Dataset(path, "a") as file:
@@ -349,12 +355,12 @@ def test_a_heap_without_end_is_refused_before_it_is_read(tmp_path: Path) -> None
     content = bytearray(path.read_bytes())
     assert read(bytes(content), ".nc", PLAIN).station == "Zürich"
     at = content.index(b"GCOL") + 16
-    while int.from_bytes(content[at : at + 2], "little"):  # an object's number; 0 is free
+    while int.from_bytes(content[at : at + 2], "little") != number:  # of an object; 0 is free
         at += 16 + -(-int.from_bytes(content[at + 8 : at + 16], "little") // 8) * 8
-    content[at + 8 : at + 16] = bytes(8)
+    content[at + 8 : at + 16] = length.to_bytes(8, "little")
     path.write_bytes(content)
-    refusal(lambda: read(bytes(content), ".nc", PLAIN), "a heap without end")
-    assert endless_heap(path) == content.index(b"GCOL")
+    refusal(lambda: read(bytes(content), ".nc", PLAIN), "a damaged heap")
+    assert damaged_heap(path) == content.index(b"GCOL")
 
 
 def test_unknown_format_is_refused() -> None:

@@ -17,7 +17,7 @@ import pytest
 from pipeline import ROOT
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
-from pipeline.stages.hazard import curve_folder, event_files
+from pipeline.stages.hazard import curve_folder, event_files, hdf5_files
 from pipeline.stages.hazard.shaking_ratio import load_disaggregation
 from tests.support.bad_input import bounded
 from tests.support.event_sets import EventSet
@@ -85,6 +85,23 @@ def test_realizations_of_several_regions_or_of_samples_have_numbers(
             put(file, "full_lt/gsim_lt", two)
     found = [one.path for one in curve_folder.load(path).branches]
     assert found == ["realization 0", "realization 1"]
+
+
+def test_a_damaged_heap_of_packed_arrays_is_refused(tmp_path: Path) -> None:
+    """What refers to it is packed as well, so that nothing in the file seems to."""
+    path = tmp_path / "calc_7.hdf5"
+    with h5py.File(path, "w") as file:
+        of_surfaces = file.create_dataset(
+            "surfaces", (2,), h5py.vlen_dtype("f4"), chunks=(2,), compression="gzip"
+        )
+        of_surfaces[:] = [np.ones(3), np.ones(5)]
+        assert [len(one) for one in hdf5_files.content(of_surfaces, 2)] == [3, 5]
+    stored = bytearray(path.read_bytes())
+    heap = stored.index(b"GCOL")
+    stored[heap + 16 + 8 : heap + 16 + 16] = ((1 << 64) - 16).to_bytes(8, "little")
+    path.write_bytes(stored)
+    with h5py.File(path) as file, pytest.raises(ValueError, match=f"damaged heap at byte {heap}"):
+        hdf5_files.content(file["surfaces"], 2)
 
 
 @pytest.mark.parametrize(("place", "taken"), [("239.1, 35.2", True), ("10.5, 45.2", False)])
