@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -89,20 +89,17 @@ def _written_over(path: Path) -> InputError:
 
 def digests_of(paths: Sequence[Path]) -> dict[str, str]:
     """Digests of files by their names, those of one name by their numbers, too."""
-    return by_name({path: digest_file(path) for path in paths})
+    return dict(zip(names_of(paths), map(digest_file, paths), strict=True))
 
 
-def by_name(digests: Mapping[Path, str]) -> dict[str, str]:
-    """The same of files whose digests are known.
+def names_of(paths: Sequence[Path]) -> tuple[str, ...]:
+    """Names of files, those of one name with their numbers.
 
-    >>> by_name({Path("a/r.csv"): "1", Path("b/r.csv"): "2", Path("s.csv"): "3"})
-    {'0/r.csv': '1', '1/r.csv': '2', 's.csv': '3'}
+    >>> names_of([Path("a/r.csv"), Path("b/r.csv"), Path("s.csv")])
+    ('0/r.csv', '1/r.csv', 's.csv')
     """
-    twice = Counter(path.name for path in digests)
-    return {
-        f"{n}/" * (twice[path.name] > 1) + path.name: own
-        for n, (path, own) in enumerate(digests.items())
-    }
+    twice = Counter(path.name for path in paths)
+    return tuple(f"{n}/" * (twice[path.name] > 1) + path.name for n, path in enumerate(paths))
 
 
 @cache

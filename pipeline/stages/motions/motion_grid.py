@@ -259,10 +259,12 @@ class MotionFiles(FilesInput):
 
     Attributes
     ----------
+    names : tuple of str, of the files in keys
     records : tuple of Ready, or tables : names, motions and PGV/PGA of a table's
     """
 
     paths: tuple[Path, ...]
+    names: tuple[str, ...]
     before: dict[str, str]
     records: tuple[Ready, ...] = ()
     tables: table_motions.Loaded | None = None
@@ -271,7 +273,7 @@ class MotionFiles(FilesInput):
         return self.paths
 
     def digests(self) -> dict[str, str]:
-        return keys.digests_of(self.paths)
+        return dict(zip(self.names, map(keys.digest_file, self.paths), strict=True))
 
 
 def find(motion: MotionConfig, origin: Origin) -> MotionFiles | None:
@@ -282,12 +284,17 @@ def find(motion: MotionConfig, origin: Origin) -> MotionFiles | None:
         else:
             paths, load = record_inputs.find(origin, motion.files), record_inputs.load
         response = record_inputs.response_file(origin, motion)
-        known = {path: keys.digest_file(path) for path in (*paths, response) if path is not None}
-        return MotionFiles(tuple(known), keys.by_name(known), load(origin, motion, paths, known))
+        read = tuple(path for path in (*paths, response) if path is not None)
+        known = {path: keys.digest_file(path) for path in read}
+        names = keys.names_of(read)
+        if motion.files is None:  # which component a file is counts, whatever it is called
+            names = tuple(f"{n}/{path.name}" for n, path in enumerate(read))
+        before = {name: known[path] for name, path in zip(names, read, strict=True)}
+        return MotionFiles(read, names, before, load(origin, motion, paths, known))
     if isinstance(motion, TableMotionConfig) and motion.files is not None:
         paths = record_inputs.find(origin, motion.files)
-        before = keys.digests_of(paths)
-        return MotionFiles(tuple(paths), before, tables=table_motions.of_files(origin, paths))
+        before, tables = keys.digests_of(paths), table_motions.of_files(origin, paths)
+        return MotionFiles(tuple(paths), keys.names_of(paths), before, tables=tables)
     return None
 
 

@@ -15,6 +15,7 @@ from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell
+from pipeline.workflow import graph
 from pipeline.workflow.datasets import read
 from vsr_core import GRAVITY
 from vsr_core.outcome import Outcome
@@ -86,6 +87,19 @@ def digest_of(site: str) -> str:
     found = motion_grid.find(loaded.config.motion, loaded.origin)
     assert found is not None
     return found.records[0].digest
+
+
+def test_links_whose_files_are_exchanged_are_other_components(folder: Path) -> None:
+    """As of an archive that holds files by their content, and links by their names."""
+    place, found = site(folder, f"{{{XYZ}}}"), set()
+    for order in ("xyz", "yxz"):
+        for axis, other in zip("xyz", order, strict=True):
+            stored = folder / f"{other}.stored.csv"
+            stored.write_text(files.csv(WAVES[other], 0.005))
+            (folder / f"{axis}.csv").unlink()
+            (folder / f"{axis}.csv").symlink_to(stored)
+        found.add(graph.identities("motions", load_site(place))["motions"].key)
+    assert len(found) == 2
 
 
 def test_a_record_is_known_by_its_first_component(folder: Path) -> None:
