@@ -60,7 +60,8 @@ def load(path: Path) -> HazardModel:
         return openquake.load_calculation(path)
     if not path.is_dir():
         rule = "curves are in a folder, or in OpenQuake's calc_N.hdf5"
-        given = "a file of another name" if path.is_file() else "folder not found"
+        there = "a file of another name" if path.is_file() else "neither folder nor regular file"
+        given = there if path.exists() else "folder not found"
         raise refused(path, "", given, rule, "check the path")
     try:
         of_openquake = openquake.is_there(path)

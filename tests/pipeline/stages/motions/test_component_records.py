@@ -89,9 +89,15 @@ def digest_of(site: str) -> str:
     return found.records[0].digest
 
 
-def test_links_whose_files_are_exchanged_are_other_components(folder: Path) -> None:
+ALONE = "components: {x: acceleration}"
+
+
+@pytest.mark.parametrize(
+    "records", [f"{{{XYZ}}}", f"{{file: x.csv, {ALONE}}}, {{file: y.csv, {ALONE}, azimuth: 90}}"]
+)
+def test_links_whose_files_are_exchanged_are_other_components(folder: Path, records: str) -> None:
     """As of an archive that holds files by their content, and links by their names."""
-    place, found = site(folder, f"{{{XYZ}}}"), set()
+    place, found = site(folder, records), set()
     for order in ("xyz", "yxz"):
         for axis, other in zip("xyz", order, strict=True):
             stored = folder / f"{other}.stored.csv"
