@@ -210,12 +210,14 @@ def test_one_component_of_several_is_not_taken_for_the_drive(tmp_path: Path, nam
 
 
 def test_records_of_the_same_size_and_date_are_read_anew(tmp_path: Path) -> None:
-    folder = changed(tmp_path, lambda data: data)
-    first, path = motions_of(folder), folder / RECORDS
-    before = path.stat()
     (tmp_path / "other").mkdir()
-    other = changed(tmp_path / "other", in_unit("m s-2", 1.02))
-    path.write_bytes((other / RECORDS).read_bytes().ljust(before.st_size, b"\0"))
+    other = changed(tmp_path / "other", in_unit("m s-2", 1.02)) / RECORDS
+    folder = changed(tmp_path, lambda data: data)
+    path = folder / RECORDS
+    longer = max(other.stat().st_size, path.stat().st_size)
+    path.write_bytes(path.read_bytes().ljust(longer, b"\0"))
+    first, before = motions_of(folder), path.stat()
+    path.write_bytes(other.read_bytes().ljust(longer, b"\0"))
     os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
     assert path.stat().st_size == before.st_size
     assert motions_of(folder)[1].peak_acceleration > 1.01 * first[1].peak_acceleration
