@@ -143,12 +143,17 @@ SOME = settings(
 
 
 @cache
+def whole(name: str) -> bytes:
+    """Content of a whole file."""
+    return DOORS[name][0]()
+
+
+@cache
 def sound(name: str) -> Array:
     """What is read of a whole file."""
-    content, read = DOORS[name]
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / name).write_bytes(content())
-        return read(Path(folder) / name)
+        (Path(folder) / name).write_bytes(whole(name))
+        return DOORS[name][1](Path(folder) / name)
 
 
 def see(folder: Path, name: str, data: Any) -> None:
@@ -156,9 +161,9 @@ def see(folder: Path, name: str, data: Any) -> None:
 
     Of a plain table rows may be missing, and the last number may be cut.
     """
-    content, read = DOORS[name]
     is_cut = data.draw(st.booleans())
-    found = taken_or_refused(folder / name, data.draw((cut if is_cut else broken)(content())), read)
+    damaged = data.draw((cut if is_cut else broken)(whole(name)))
+    found = taken_or_refused(folder / name, damaged, DOORS[name][1])
     if found is None or not is_cut:
         return
     if name.endswith(".csv"):
@@ -189,7 +194,7 @@ def test_a_command_refuses_a_broken_file_in_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, data: Any
 ) -> None:
     words = words_of(tmp_path, name)
-    (tmp_path / name).write_bytes(data.draw(broken(DOORS[name][0]())))
+    (tmp_path / name).write_bytes(data.draw(broken(whole(name))))
     capsys.readouterr()
     code = cli.main([*words, "--derived", str(tmp_path / "derived")])
     see_that_it_is_told(code, capsys.readouterr().err)
