@@ -194,14 +194,11 @@ def _small(page: str) -> str:
     if found is None:
         drawing = _DRAWING.search(page)
         return drawing[1] if drawing and len(drawing[1]) < _LARGEST_DRAWING else ""
-    try:
-        picture = Image.open(io.BytesIO(base64.b64decode(found[1])))
-        if picture.width * picture.height > _LARGEST_PICTURE:
-            return ""
-        small = picture.convert("RGB")
-        small.thumbnail((WIDEST, WIDEST))
-    except Exception:  # noqa: BLE001 (of a broken picture, whatever Pillow meets first)
-        return ""
+    picture = Image.open(io.BytesIO(base64.b64decode(found[1])))
+    if picture.width * picture.height > _LARGEST_PICTURE:
+        raise ValueError(f"{picture.width} x {picture.height} pixels")
+    small = picture.convert("RGB")
+    small.thumbnail((WIDEST, WIDEST))
     saved = io.BytesIO()
     small.save(saved, "png", optimize=True)
     return f"data:image/png;base64,{base64.b64encode(saved.getvalue()).decode()}"
@@ -209,22 +206,19 @@ def _small(page: str) -> str:
 
 def _source(path: Path) -> dict[str, str]:
     with _dataset(path) as data:
-        known = "shape_source" in data.ncattrs()
-        return {"source": str(data.getncattr("shape_source"))} if known else {}
+        return {"source": str(data.getncattr("shape_source"))}
 
 
 def _error(path: Path) -> dict[str, str]:
     """Least and largest error of the boundary over frictions, and whether all were measured."""
     with _dataset(path) as data:
-        errors: list[float] = []
-        if "boundary_error" in data.variables:
-            found = data["boundary_error"]
-            if found.size > _MOST_ERRORS:
-                raise ValueError(f"{found.size} errors")
-            errors = np.ma.filled(found[...].astype(np.float64), np.nan).ravel().tolist()
+        found = data["boundary_error"]
+        if found.size > _MOST_ERRORS:
+            raise ValueError(f"{found.size} errors")
+        errors = np.ma.filled(found[...].astype(np.float64), np.nan).ravel().tolist()
     known = sorted(100.0 * error for error in errors if error == error)
     if not known:
-        return {"error": "not measured"} if errors else {}
+        return {"error": "not measured"}
     span = " to ".join(dict.fromkeys(f"{error:.2g}" for error in (known[0], known[-1])))
     missing = len(errors) - len(known)
     return {"error": f"{span} %" + f", not measured at {missing} of {len(errors)}" * bool(missing)}
