@@ -172,7 +172,8 @@ def broken(whole: bytes) -> st.SearchStrategy[bytes]:
             end = min(len(content), drawn.choice((500, len(content))))  # in a header, or anywhere
             at = drawn.randrange(max(end, 1))
             gone = drawn.choice((0, 1, 4, 12, len(content)))
-            put_in = drawn.choice((drawn.choice(BROKEN_WORDS), drawn.randbytes(drawn.randint(0, 6))))
+            other = drawn.randbytes(drawn.randint(0, 6))
+            put_in = drawn.choice((drawn.choice(BROKEN_WORDS), other))
             content = content[:at] + put_in + content[at + gone :]
         return content
 
