@@ -85,7 +85,7 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise a usage error."""
-        raise InputError(Problem(self.prog, "", "", message, f"see {self.prog} --help"))
+        raise InputError(Problem("command line", "", "", message, f"see {self.prog} --help"))
 
     def print_help(self, file: object = None) -> None:
         """Print the help; refused where it cannot be written."""
