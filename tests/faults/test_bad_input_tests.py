@@ -124,6 +124,12 @@ def test_what_has_no_part_is_named(folder: Path) -> None:
     )
 
 
+def test_tests_to_predict_are_counted(folder: Path) -> None:
+    """Scores are of the others, whose number alone would not tell that a cell was lost."""
+    (folder / OUTCOMES).write_text(HEAD + "1,a,0.2,0.3,\n2,a,0.5,0.3,1\n")
+    assert read_tests(folder).unused == ("1 test without an outcome in specimen1: predicted only",)
+
+
 WRONG_RECORDS: dict[str, tuple[Callable[[xr.Dataset], xr.Dataset], str]] = {
     "one time": (lambda data: data.isel(time=[0]), "n_samples"),
     "backward": (lambda data: data.assign_coords(time=data["time"][::-1].values), "time"),

@@ -811,6 +811,7 @@ def test_curves_that_break_a_rule_are_refused_before_anything_runs(
         ("compare=[{name: a b, set: [yaw=30]},{name: a_b, set: [yaw=40]}]", "twice"),
         ("compare=[{name: a, set: [yaw=30]},{name: A, set: [yaw=40]}]", "'a' twice"),
         ("compare=[{name: a, set: [yaw=30]},{name: 'a ', set: [yaw=40]}]", "'a' twice"),
+        ("compare=[{name: a  b, set: [yaw=30]},{name: a b, set: [yaw=40]}]", "'a b' twice"),
         ("compare=[{name: base case, set: [yaw=30]}]", "'base case' twice"),
     ],
 )

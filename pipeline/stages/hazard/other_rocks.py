@@ -193,7 +193,7 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
             named.append(other.name)
     _check_copies([origin, *(one.site for one in rocks if isinstance(one, Other))], origin)
     names = [BASE_CASE, *(one.name for one in hazard.compare)]
-    folders = [folder_of(name.strip()).lower() for name in names]
+    folders = [folder_of(" ".join(name.split())).lower() for name in names]
     if len(set(folders)) < len(folders):
         twice = next(name for n, name in enumerate(names) if folders.count(folders[n]) > 1)
         file, rule = origin.file_of("hazard.compare"), "a comparison has a name of its own"

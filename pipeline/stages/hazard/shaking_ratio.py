@@ -282,6 +282,10 @@ def load_disaggregation(path: Path) -> Disaggregation:
         given = "{:g} g, M {:g}, {:g} km in two files".format(*twice.iloc[0, :3])
         remedy = "name one of them in hazard.disaggregation"
         raise refused(path, "iml, mag, dist", given, "a bin is in one file", remedy)
+    poe = bins.groupby("iml")["poe"].agg(["min", "max"]).reset_index()
+    if len(odd := poe[poe["min"] < poe["max"]]):
+        given = "{1:g} and {2:g} at {0:g} g".format(*odd.iloc[0])
+        raise refused(path, "poe", given, "bins of a level share its poe", "export it again")
     if not bins["share"].sum() > 0.0:
         rule = "OpenQuake's is named Mag_Dist-mean-0_1.csv and has rows of PGA"
         remedy = "export it, or leave disaggregation out"
@@ -311,7 +315,7 @@ def _other_wholes(bins: pd.DataFrame) -> Iterator[str]:
 
     Of conditional ("traditional") shares, whose sum is 1 at each level, it is that of the whole.
     """
-    levels = [part for _, part in bins[bins["poe"] > 0.0].groupby(["iml", "poe"])]
+    levels = [part for _, part in bins[bins["poe"] > 0.0].groupby("iml")]
     conditional = all(abs(part["share"].sum() - 1.0) <= SUM for part in levels)
     for part in [] if conditional else levels:
         level, poe = part[["iml", "poe"]].to_numpy()[0].tolist()

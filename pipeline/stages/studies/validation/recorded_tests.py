@@ -322,22 +322,25 @@ def _some(numbers: list[int]) -> str:
 
 
 def _unused(
-    without: int,
+    unrecorded: int,
     names: Iterable[str],
     specimens: tuple[int, ...],
     observed: dict[int, tuple[int, ...]],
 ) -> Iterator[str]:
     """What the table holds that has no part in the validation."""
-    if without:
-        yield f"{counted(without, 'row')} of {OUTCOMES} with has_record of 0 left out"
+    if unrecorded:
+        yield f"{counted(unrecorded, 'row')} of {OUTCOMES} with has_record of 0 left out"
     for name in names:
         left_out = f"column {name} of {OUTCOMES} left out, as"
         if match := SPECIMEN.fullmatch(name) or PUBLISHED.fullmatch(name):
             specimen = int(match["specimen"])
+            outcomes = observed.get(specimen, ())
             if specimen not in specimens:
                 yield f"{left_out} there is no scan of that specimen"
-            elif max(observed.get(specimen, (-1,))) < 0:
+            elif max(outcomes, default=-1) < 0:
                 yield f"{left_out} there is no outcome of that specimen"
+            elif SPECIMEN.fullmatch(name) and (without := outcomes.count(-1)):
+                yield f"{counted(without, 'test')} without an outcome in {name}: predicted only"
         elif name not in TestRow.model_fields:
             yield f"{left_out} it says nothing here"
 

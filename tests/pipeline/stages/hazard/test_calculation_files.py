@@ -446,6 +446,17 @@ def test_a_bin_of_1_makes_no_level_conditional(tmp_path: Path) -> None:
     assert told.startswith("bins of 0.5 g have a probability of 1 together, and a poe of 0.001")
 
 
+def test_bins_of_a_level_with_another_poe_are_refused(tmp_path: Path) -> None:
+    """The poe and the share of a row exchanged, of which its level's whole says nothing."""
+    path = disaggregated(tmp_path, {"mean": [3e-4, 0.0, 5e-4, 2e-4]})
+    lines = path.read_text(encoding="utf-8").splitlines()
+    imt, iml, poe, *where, share = lines[3].split(",")
+    lines[3] = ",".join([imt, iml, share, *where, poe])
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    with pytest.raises(InputError, match=r"poe: got 0 and 0.001 at 0.5 g; bins of a level share"):
+        load_disaggregation(path)
+
+
 PLACE = f"{EDGES}, lon=-120.9, lat=35.2"
 
 
