@@ -15,7 +15,8 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
     """Refuse a file whose name is nearly that of one that may be there and is not.
 
     It begins alike, but for the number and case, and has an end that begins alike, as
-    ``Record (1).nc4`` for ``records.nc``, or ``table.yml.txt`` for ``table.yaml``.
+    ``Record (1).nc4`` for ``records.nc``, or ``table.yml.txt`` for ``table.yaml``. Nor is a link
+    of that name there that leads nowhere.
 
     Raises
     ------
@@ -26,7 +27,12 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
         begin, end = name.stem.rstrip("s"), name.suffix[:2]
         for other in sorted(folder.iterdir()) if not (folder / name).exists() else ():
             alike = other.name.lower()
-            if alike.startswith(begin) and end in alike and other.is_file():
+            if not alike.startswith(begin) or end not in alike:
+                continue
+            if other.is_symlink() and not other.exists():
+                rule, remedy = "it leads to a file", "get that file, or remove the link"
+                raise refused(other, "", "a link that leads nowhere", rule, remedy)
+            if other.is_file():
                 raise refused(other, "", "a file that is not read", f"it is {name}", "rename it")
 
 

@@ -12,7 +12,14 @@ import pytest
 import trimesh
 import xarray as xr
 
-from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS, remarks
+from pipeline.config.problems import InputError
+from pipeline.stages.studies.validation.recorded_tests import (
+    OUTCOMES,
+    RECORDS,
+    remarks,
+    scan,
+    scans_in,
+)
 from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
 
 Refused = Callable[..., str]
@@ -96,6 +103,20 @@ def test_records_of_another_name(folder: Path, refused: Refused, name: str) -> N
 def test_assumptions_of_another_name(folder: Path, refused: Refused, name: str) -> None:
     (folder / name).write_text("density: 2700\n")
     refused("run", "validation", "--table", folder, words=(name, "it is table.yaml", "rename it"))
+
+
+@pytest.mark.parametrize("name", [RECORDS, "table.yaml"])
+def test_a_link_that_leads_nowhere(folder: Path, refused: Refused, name: str) -> None:
+    """As of a file that is still to be fetched; without it tests would be run as pulses."""
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).symlink_to("elsewhere")
+    refused("run", "validation", "--table", folder, words=(name, "a link that leads nowhere"))
+
+
+def test_a_scan_that_a_link_does_not_lead_to(folder: Path) -> None:
+    (folder / "sp2.ply").symlink_to("elsewhere")
+    with pytest.raises(InputError, match=r"sp2.ply: got a file that cannot be read"):
+        scan(scans_in(folder)[2])
 
 
 def test_files_that_are_not_read_are_named(folder: Path) -> None:

@@ -170,7 +170,7 @@ def find(origin: Origin) -> Folder:
 
 def scans_in(folder: Path) -> dict[int, Path]:
     """Scans by the number of their specimen."""
-    names = [path.name for path in folder.glob("sp*.ply") if path.is_file()]
+    names = [path.name for path in folder.glob("sp*.ply")]
     return {number: folder / name for number, name in _numbered(folder, SCAN, names).items()}
 
 
