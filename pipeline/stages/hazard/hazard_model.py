@@ -208,14 +208,17 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
 
 def _far_apart(branches: Sequence[Branch]) -> Iterator[str]:
     """That a branch has rates that are far from those of the others where these differ least."""
-    off = np.array([one.pga.rates[0] for one in branches])
-    off /= np.median(off)
-    worst = int(np.abs(np.log(off)).argmax())
-    if not 1.0 / FAR <= off[worst] <= FAR:
-        yield (
-            f"branch {branches[worst].name} exceeds the first level {off[worst]:.2g} times as "
-            "often as the middle of all branches: its years may be others"
-        )
+    every = {"PGA": [one.pga for one in branches], "PGV": [one.pgv for one in branches]}
+    for measure, curves in every.items():
+        rates = np.array([np.nan if one is None else one.rates[0] for one in curves])
+        off = rates / np.median(rates)
+        worst = int(np.abs(np.log(off)).argmax())
+        if off[worst] < 1.0 / FAR or off[worst] > FAR:
+            yield (
+                f"branch {branches[worst].name} exceeds the first level of {measure} "
+                f"{off[worst]:.2g} times as often as the middle of all branches: its years may be "
+                "others"
+            )
 
 
 def _check_strength(source: Path, branches: Sequence[Branch]) -> None:

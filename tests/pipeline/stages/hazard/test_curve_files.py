@@ -306,9 +306,23 @@ def test_a_branch_whose_rates_are_of_other_years_is_told(
         monkeypatch.setitem(WEIGHTS, number, weight)
     said = curve_folder.load(written(tmp_path)).unused
     assert [line for line in said if "middle of all branches" in line] == [
-        "branch 2 exceeds the first level 0.02 times as often as the middle of all branches: "
-        "its years may be others"
+        "branch 2 exceeds the first level of PGA 0.02 times as often as the middle of all "
+        "branches: its years may be others"
     ] * told
+
+
+def test_a_branch_whose_rates_of_pgv_are_of_other_years_is_told(tmp_path: Path) -> None:
+    """Where no mean curve is beside the branches, which would be off theirs."""
+    for pattern in ("about.txt", "realizations_1.csv", "*-rlz-*"):
+        for path in MADE_UP.glob(pattern):
+            shutil.copy(path, tmp_path)
+    assert [line for line in curve_folder.load(tmp_path).unused if "first level" in line] == []
+    path = tmp_path / "hazard_curve-rlz-003-PGV_1.csv"
+    head, names, row = path.read_text().splitlines()
+    where, shares = row.split(",")[:3], [0.1 * float(share) for share in row.split(",")[3:]]
+    path.write_text("\n".join([head, names, ",".join([*where, *map(str, shares)]), ""]))
+    (said,) = (line for line in curve_folder.load(tmp_path).unused if "first level" in line)
+    assert "branch 3 exceeds the first level of PGV" in said
 
 
 def nshmp(folder: Path, rates: str, levels: str = "0.01,0.1,0.5,1.0") -> Path:
