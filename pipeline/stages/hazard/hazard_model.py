@@ -208,8 +208,8 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
 
 def _far_apart(branches: Sequence[Branch]) -> Iterator[str]:
     """That a branch has rates that are far from those of the others where these differ least."""
-    every = {"PGA": [one.pga for one in branches], "PGV": [one.pgv for one in branches]}
-    for measure, curves in every.items():
+    for measure in ("PGA", "PGV"):
+        curves = [one.pga if measure == "PGA" else one.pgv for one in branches]
         rates = np.array([np.nan if one is None else one.rates[0] for one in curves])
         off = rates / np.median(rates)
         worst = int(np.abs(np.log(off)).argmax())
