@@ -278,12 +278,16 @@ def _find(name: str, folder: Path, what: str) -> Path:
 
 
 def _read(path: Path) -> dict[str, Any]:
+    given = text(path, LONGEST)
+    if not given.strip():
+        rule, remedy = "a configuration says something", "write it, or remove the file"
+        raise InputError(Problem(shown(path), "", "an empty file", rule, remedy))
     try:
-        content = parse(text(path, LONGEST))
+        content = parse(given)
     except ValueError as error:
         rule = f"invalid YAML: {error}"
         raise InputError(Problem(shown(path), "", "", rule, "correct the file")) from None
-    if content is None:
+    if content is None:  # comments alone
         return {}
     if not isinstance(content, dict):
         rule = "a configuration is a mapping of keys to values"

@@ -144,7 +144,7 @@ def test_problem_names_the_file_in_which_the_key_stands(
 ) -> None:
     site, study, setting, file, key = STANDS[case]
     (tmp_path / "site.yaml").write_text(BOX + site)
-    (tmp_path / "study.yaml").write_text(study)
+    (tmp_path / "study.yaml").write_text(f"# a study\n{study}")
     product = {
         "a scan": "rock",
         "a replica": "uncertainty",

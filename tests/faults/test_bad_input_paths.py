@@ -221,7 +221,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     box.export(place / "box.ply")
     recorded_tests(place / "tests")
     box.export(place / "tests" / "sp1.ply")
-    (place / "tests" / "table.yaml").write_text("")
+    (place / "tests" / "table.yaml").write_text("# as usual\n")
     trace = obspy.Trace(np.sin(0.1 * np.arange(1000.0)), {"delta": 0.01, "channel": "HNE"})
     trace.write(str(place / "one.mseed"), format="MSEED")
     for name, source in (("made_up", "made_up"), ("events", "made_up_events")):

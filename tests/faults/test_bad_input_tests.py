@@ -12,10 +12,12 @@ import pytest
 import trimesh
 import xarray as xr
 
+from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.problems import InputError
 from pipeline.stages.studies.validation.recorded_tests import (
     OUTCOMES,
     RECORDS,
+    assumptions,
     remarks,
     scan,
     scans_in,
@@ -117,6 +119,14 @@ def test_a_scan_that_a_link_does_not_lead_to(folder: Path) -> None:
     (folder / "sp2.ply").symlink_to("elsewhere")
     with pytest.raises(InputError, match=r"sp2.ply: got a file that cannot be read"):
         scan(scans_in(folder)[2])
+
+
+def test_assumptions_that_say_nothing(folder: Path, refused: Refused) -> None:
+    """As of a disk that was full when they were saved."""
+    (folder / "table.yaml").write_text("")
+    refused("run", "validation", "--table", folder, words=("table.yaml", "got an empty file"))
+    (folder / "table.yaml").write_text("# friction: [0.5, 0.9]\n")
+    assert assumptions(folder) == ShakeTableConfig()
 
 
 def test_files_that_are_not_read_are_named(folder: Path) -> None:

@@ -312,7 +312,7 @@ def test_unknown_study(write_site: WriteSite, refused: Refused) -> None:
         (b"- a\n- b\n", ("a list", "mapping", "key: value")),
         (b"hello\n", ("a str", "mapping")),
         (b"\xff\xfe\x00\x01", ("not in UTF-8", "save it so")),
-        (b"", ("rock", "required")),
+        (b"", ("an empty file", "remove the file")),
     ],
 )
 def test_file_that_is_no_configuration(

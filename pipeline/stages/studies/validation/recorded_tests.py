@@ -169,8 +169,9 @@ def find(origin: Origin) -> Folder:
 
 
 def scans_in(folder: Path) -> dict[int, Path]:
-    """Scans by the number of their specimen."""
-    names = [path.name for path in folder.glob("sp*.ply")]
+    """Scans by the number of their specimen, and links that lead to none."""
+    there = (path for path in folder.glob("sp*.ply") if path.is_file() or not path.exists())
+    names = [path.name for path in there]
     return {number: folder / name for number, name in _numbered(folder, SCAN, names).items()}
 
 
