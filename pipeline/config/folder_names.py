@@ -15,8 +15,7 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
     """Refuse a file whose name is nearly that of one that may be there and is not.
 
     It begins alike, but for the number and case, and has an end that begins alike, as
-    ``Record (1).nc4`` for ``records.nc``, or ``table.yml.txt`` for ``table.yaml``. Nor is a link
-    of that name there that leads nowhere.
+    ``Record (1).nc4`` for ``records.nc``, or ``table.yml.txt`` for ``table.yaml``.
 
     Raises
     ------
@@ -27,13 +26,24 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
         begin, end = name.stem.rstrip("s"), name.suffix[:2]
         for other in sorted(folder.iterdir()) if not (folder / name).exists() else ():
             alike = other.name.lower()
-            if not alike.startswith(begin) or end not in alike:
-                continue
-            if other.is_symlink() and not other.exists():
-                rule, remedy = "it leads to a file", "get that file, or remove the link"
-                raise refused(other, "", "a link that leads nowhere", rule, remedy)
-            if other.is_file():
+            if alike.startswith(begin) and end in alike and other.is_file():
                 raise refused(other, "", "a file that is not read", f"it is {name}", "rename it")
+
+
+def check_links(folder: Path) -> None:
+    """Refuse a link that leads nowhere, as to a file that is still to be fetched.
+
+    It would pass for a file that is not there, where one may be or not.
+
+    Raises
+    ------
+    InputError
+        If there is one in the folder, but for notes, or of a table in a folder of it.
+    """
+    for path in sorted((*folder.iterdir(), *folder.glob("*/*.csv"))):
+        if not path.exists() and path.suffix.lower() not in NOTES[1:]:
+            rule, remedy = "it leads to what is read", "get that, or remove the link"
+            raise refused(path, "", "a link that leads nowhere", rule, remedy)
 
 
 def unread(folder: Path, read: Iterable[Path]) -> Iterator[str]:

@@ -13,14 +13,11 @@ import trimesh
 import xarray as xr
 
 from pipeline.config.priors_schema import ShakeTableConfig
-from pipeline.config.problems import InputError
 from pipeline.stages.studies.validation.recorded_tests import (
     OUTCOMES,
     RECORDS,
     assumptions,
     remarks,
-    scan,
-    scans_in,
 )
 from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
 
@@ -107,18 +104,12 @@ def test_assumptions_of_another_name(folder: Path, refused: Refused, name: str) 
     refused("run", "validation", "--table", folder, words=(name, "it is table.yaml", "rename it"))
 
 
-@pytest.mark.parametrize("name", [RECORDS, "table.yaml"])
+@pytest.mark.parametrize("name", [RECORDS, "table.yaml", "sp2.ply"])
 def test_a_link_that_leads_nowhere(folder: Path, refused: Refused, name: str) -> None:
     """As of a file that is still to be fetched; without it tests would be run as pulses."""
     (folder / name).unlink(missing_ok=True)
     (folder / name).symlink_to("elsewhere")
     refused("run", "validation", "--table", folder, words=(name, "a link that leads nowhere"))
-
-
-def test_a_scan_that_a_link_does_not_lead_to(folder: Path) -> None:
-    (folder / "sp2.ply").symlink_to("elsewhere")
-    with pytest.raises(InputError, match=r"sp2.ply: got a file that cannot be read"):
-        scan(scans_in(folder)[2])
 
 
 def test_assumptions_that_say_nothing(folder: Path, refused: Refused) -> None:

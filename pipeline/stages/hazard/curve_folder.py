@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.config.folder_names import unread
+from pipeline.config.folder_names import check_links, unread
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.in_si import in_g
 from pipeline.config.layers import Origin
@@ -69,6 +69,7 @@ def load(path: Path) -> HazardModel:
         rule, remedy = "it is a folder that you may read", "change its permissions"
         given = f"a folder that cannot be read ({error.strerror})"
         raise refused(path, "", given, rule, remedy) from None
+    check_links(path)
     if of_openquake:
         return openquake.load(path)
     if (path / "PGA" / "curves.csv").is_file():

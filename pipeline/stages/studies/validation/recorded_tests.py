@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from pipeline.config import in_si
-from pipeline.config.folder_names import check_names, unread
+from pipeline.config.folder_names import check_links, check_names, unread
 from pipeline.config.layers import Origin, Site, load_file
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located, shown
@@ -141,6 +141,7 @@ def site_of(folder: Path) -> Site:
         raise refused(folder, "", "no folder", "tests are in one", "correct the path")
     if not (folder / OUTCOMES).is_file():
         raise refused(folder / OUTCOMES, "", "", "file not found", "put it there")
+    check_links(folder)
     if not scans_in(folder):
         rule, remedy = "there is one for each specimen", "call it sp1.ply, in metres"
         raise refused(folder, "", "no scan", rule, remedy)
@@ -169,9 +170,8 @@ def find(origin: Origin) -> Folder:
 
 
 def scans_in(folder: Path) -> dict[int, Path]:
-    """Scans by the number of their specimen, and links that lead to none."""
-    there = (path for path in folder.glob("sp*.ply") if path.is_file() or not path.exists())
-    names = [path.name for path in there]
+    """Scans by the number of their specimen."""
+    names = [path.name for path in folder.glob("sp*.ply") if path.is_file()]
     return {number: folder / name for number, name in _numbered(folder, SCAN, names).items()}
 
 

@@ -325,6 +325,16 @@ def test_a_branch_whose_rates_of_pgv_are_of_other_years_is_told(tmp_path: Path) 
     assert "branch 3 exceeds the first level of PGV" in said
 
 
+@pytest.mark.parametrize("link", ["PGV", "PGV/curves.csv"])
+def test_curves_of_pgv_behind_a_link_that_leads_nowhere(tmp_path: Path, link: str) -> None:
+    """As of a disk that is not there: without it PGV/PGA is not that of the site."""
+    path = nshmp(tmp_path, "0.11,0.021,0.0031,0.00041") / link
+    path.parent.mkdir(exist_ok=True)
+    path.symlink_to("elsewhere")
+    with pytest.raises(InputError, match=f"{link}: got a link that leads nowhere; it leads to wh"):
+        curve_folder.load(tmp_path)
+
+
 def nshmp(folder: Path, rates: str, levels: str = "0.01,0.1,0.5,1.0") -> Path:
     (folder / "PGA").mkdir()
     text = f"name,lon,lat,{levels}\nhere,-120.9,35.2,{rates}\n"
