@@ -179,30 +179,25 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
         raise refused(source, "PGV", given, rule, remedy)
     check_sum(source, "weight", [row.weight for row in rows])
     total = sum(row.weight for row in rows)
-    branches, ended = [], 0
+    branches, ended = [], dict.fromkeys(UNITS, 0)
     for row in (row for row in rows if row.weight > 0.0):
-        one = curves[row.rlz_id, "PGA"][1]
-        pga, pgv = one.curve(), curves.get((row.rlz_id, "PGV"))
-        ended += len(one.levels) - len(pga.levels)
+        of_row = {name: curves[row.rlz_id, name] for name in UNITS if (row.rlz_id, name) in curves}
+        made = {name: one.curve() for name, (_, one) in of_row.items()}
+        for name, (_, one) in of_row.items():
+            ended[name] += len(one.levels) - len(made[name].levels)
+        pga, pgv = made["PGA"], made.get("PGV")
         if pgv:
-            _together(pgv[0], pga, pgv[1].curve())
-        branches.append(
-            Branch(
-                "mean" if row.rlz_id == MEAN else str(row.rlz_id),
-                row.branch_path,
-                row.weight / total,
-                pga,
-                pgv[1].curve() if pgv else None,
-            )
-        )
+            _together(of_row["PGV"][0], pga, pgv)
+        called = "mean" if row.rlz_id == MEAN else str(row.rlz_id)
+        branches.append(Branch(called, row.branch_path, row.weight / total, pga, pgv))
     _check_strength(source, branches)
     if zero := len(rows) - len(branches):
         unused = (*unused, f"{counted(zero, 'realization')} of weight 0 left out")
-    if ended:
-        unused = (
-            *unused,
-            f"{counted(ended, 'level')} of PGA that nothing exceeds left out, at ends of curves",
-        )
+    unused += tuple(
+        f"{counted(count, 'level')} of {name} that nothing exceeds left out, at ends of curves"
+        for name, count in ended.items()
+        if count
+    )
     return HazardModel(tuple(branches), (one.lon, one.lat), (*unused, *_far_apart(branches)))
 
 

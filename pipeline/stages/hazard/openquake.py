@@ -347,6 +347,8 @@ def paths_of(file: Any, settings: dict[str, Any], number: int) -> list[str]:
     """
     models = [row["path"].decode() for row in content(file["full_lt/sm_data"], _MOST_ROWS)]
     stored = content(file["full_lt/gsim_lt"], _MOST_ROWS)
+    if own := {"PGA", "PGV"} & {*stored.dtype.names}:
+        raise ValueError(f"weights of {min(own)} of their own, which are not read")
     motions = [row["branch"].decode() for row in stored]
     regions = set(stored["trt"].tolist()) if "trt" in stored.dtype.names else set()
     sampled = number_of(settings.get("number_of_logic_tree_samples", 0)) > 0

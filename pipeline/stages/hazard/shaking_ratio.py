@@ -8,7 +8,6 @@ exceeded by earthquakes of a bin of magnitude and distance.
 
 from __future__ import annotations
 
-import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -251,11 +250,6 @@ class Bin(Row):
         """The mean of the columns."""
         return float(np.average(self.shares, weights=self.weights or None))
 
-    @property
-    def rate(self) -> float:
-        """Of exceedance [1/year]; NaN where it is not told."""
-        return -math.log1p(-self.poe) / self.years if 0.0 < self.poe < 1.0 else np.nan
-
 
 class Edges(Row):
     """Borders of the bins of a disaggregation, as its first line tells them."""
@@ -275,15 +269,15 @@ def load_disaggregation(path: Path) -> Disaggregation:
         found += of_pga
         unused += others
     bins = pd.DataFrame(
-        [(row.iml, row.mag, row.dist, row.share, row.poe, row.rate) for row in found],
-        columns=["iml", "mag", "dist", "share", "poe", "rate"],
+        [(row.iml, row.mag, row.dist, row.share, row.poe, row.years) for row in found],
+        columns=["iml", "mag", "dist", "share", "poe", "years"],
     )
     if len(twice := bins[bins.duplicated(["iml", "mag", "dist"])]):
         given = "{:g} g, M {:g}, {:g} km in two files".format(*twice.iloc[0, :3])
         remedy = "name one of them in hazard.disaggregation"
         raise refused(path, "iml, mag, dist", given, "a bin is in one file", remedy)
-    poe = bins.groupby("iml")["poe"].agg(["min", "max"]).reset_index()
-    if len(odd := poe[poe["min"] < poe["max"]]):
+    poes = bins.groupby("iml")["poe"].agg(["min", "max"]).reset_index()
+    if len(odd := poes[poes["min"] < poes["max"]]):
         given = "{1:g} and {2:g} at {0:g} g".format(*odd.iloc[0])
         raise refused(path, "poe", given, "bins of a level share its poe", "export it again")
     if not bins["share"].sum() > 0.0:
@@ -305,22 +299,29 @@ def load_disaggregation(path: Path) -> Disaggregation:
     values = grid.to_numpy()
     levels = UNITS["PGA"] * grid.index.to_numpy(dtype=np.float64)
     shares = values / values.sum(axis=1, keepdims=True)
-    rates = bins.groupby("iml")["rate"].max().loc[grid.index].to_numpy(dtype=np.float64)
+    poe = bins.groupby("iml")["poe"].max().where(lambda told: told > 0.0, _together(bins))
+    years = bins.groupby("iml")["years"].max()
+    rates = (-np.log1p(-poe.where(poe < 1.0)) / years).loc[grid.index].to_numpy(dtype=np.float64)
     location = None if place is None else (place.lon, place.lat)
     return Disaggregation(magnitudes, distances, levels, shares, rates, location, tuple(unused))
 
 
-def _other_wholes(bins: pd.DataFrame) -> Iterator[str]:
-    """Levels whose bins together have another probability than they state, in words.
+def _together(bins: pd.DataFrame) -> pd.Series[float]:
+    """Probability that an earthquake of any bin exceeds a level, by level.
 
-    Of conditional ("traditional") shares, whose sum is 1 at each level, it is that of the whole.
+    NaN of conditional ("traditional") shares, whose sum is 1 at each level.
     """
-    levels = [part for _, part in bins[bins["poe"] > 0.0].groupby("iml")]
-    conditional = all(abs(part["share"].sum() - 1.0) <= SUM for part in levels)
-    for part in [] if conditional else levels:
-        level, poe = part[["iml", "poe"]].to_numpy()[0].tolist()
-        whole = 1.0 - float(np.prod(1.0 - part["share"].to_numpy()))
-        if not 1.0 / WHOLE <= whole / poe <= WHOLE:
+    shares = bins.groupby("iml")["share"]
+    sums = shares.sum()
+    conditional = ((sums == 0.0) | ((sums - 1.0).abs() <= SUM)).all()
+    return shares.agg(lambda part: np.nan if conditional else 1.0 - np.prod(1.0 - part))
+
+
+def _other_wholes(bins: pd.DataFrame) -> Iterator[str]:
+    """Levels whose bins together have another probability than they state, in words."""
+    for level, whole in _together(bins).items():
+        poe = float(bins.loc[bins["iml"] == level, "poe"].iloc[0])
+        if poe and not 1.0 / WHOLE <= whole / poe <= WHOLE and whole == whole:
             said = f"bins of {level:g} g have a probability of {whole:.3g} together"
             yield f"{said}, and a poe of {poe:.3g}: one is wrong, or bins leave earthquakes out"
 

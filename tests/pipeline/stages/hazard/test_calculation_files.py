@@ -87,6 +87,16 @@ def test_realizations_of_several_regions_or_of_samples_have_numbers(
     assert found == ["realization 0", "realization 1"]
 
 
+def test_weights_of_pga_of_their_own_are_refused(tmp_path: Path) -> None:
+    """As of a logic tree whose models of motion have other weights for each measure."""
+    path = written(tmp_path / "calc_7.hdf5")
+    kinds = [("branch", "S9"), ("PGA", "f8"), ("weight", "f8")]
+    with h5py.File(path, "r+") as file:
+        put(file, "full_lt/gsim_lt", np.array([(b"A", 0.1, 0.4), (b"B", 0.9, 0.6)], dtype=kinds))
+    with pytest.raises(InputError, match="weights of PGA of their own, which are not read"):
+        curve_folder.load(path)
+
+
 def test_a_damaged_heap_of_packed_arrays_is_refused(tmp_path: Path) -> None:
     """What refers to it is packed as well, so that nothing in the file seems to."""
     path = tmp_path / "calc_7.hdf5"
@@ -444,6 +454,20 @@ def test_a_bin_of_1_makes_no_level_conditional(tmp_path: Path) -> None:
     path.write_text("\n".join([head, names, *rows, *beside, ""]), encoding="utf-8")
     (told,) = load_disaggregation(path).unused
     assert told.startswith("bins of 0.5 g have a probability of 1 together, and a poe of 0.001")
+
+
+def test_without_a_poe_levels_are_exceeded_as_often_as_their_bins_say(tmp_path: Path) -> None:
+    """As in OpenQuake's files of given levels; by it levels in another unit are told."""
+    path = disaggregated(tmp_path, {"mean": MEAN}, f"investigation_time=50.0, {EDGES}")
+    path.write_text(path.read_text(encoding="utf-8").replace(",1e-3,", ",nan,"), encoding="utf-8")
+    none = (1 - 4e-4) * (1 - 3e-4) * (1 - 2e-4) * (1 - 1e-4)
+    found = load_disaggregation(path)
+    assert found.rates.tolist() == pytest.approx([-math.log(none) / 50.0])
+    path = disaggregated(
+        tmp_path, {"mean": [0.4, 0.3, 0.2, 0.1]}, f"investigation_time=50, {EDGES}"
+    )
+    path.write_text(path.read_text(encoding="utf-8").replace(",1e-3,", ",nan,"), encoding="utf-8")
+    assert np.isnan(load_disaggregation(path).rates).all()  # shares of what exceeds it
 
 
 def test_bins_of_a_level_with_another_poe_are_refused(tmp_path: Path) -> None:

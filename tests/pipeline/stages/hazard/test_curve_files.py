@@ -325,6 +325,26 @@ def test_a_branch_whose_rates_of_pgv_are_of_other_years_is_told(tmp_path: Path) 
     assert "branch 3 exceeds the first level of PGV" in said
 
 
+def test_levels_of_pgv_that_nothing_exceeds_are_counted(tmp_path: Path) -> None:
+    """As of PGA: a curve that ends early has another PGV/PGA."""
+    for pattern in ("about.txt", "realizations_1.csv", "*-rlz-*"):
+        for path in MADE_UP.glob(pattern):
+            shutil.copy(path, tmp_path)
+    path = tmp_path / "hazard_curve-rlz-003-PGV_1.csv"
+    head, names, row = path.read_text().splitlines()
+    cells = row.split(",")
+    before = sum(float(cell) == 0.0 for at in MADE_UP.glob("*-rlz-*PGV*") for cell in ended(at))
+    lost = sum(float(cell) > 0.0 for cell in cells[-5:])
+    path.write_text("\n".join([head, names, ",".join([*cells[:-5], *["0"] * 5]), ""]))
+    (said,) = (line for line in curve_folder.load(tmp_path).unused if "of PGV that nothing" in line)
+    assert said.startswith(f"{before + lost} levels of PGV that nothing exceeds left out")
+
+
+def ended(path: Path) -> list[str]:
+    """Probabilities of a curve."""
+    return path.read_text().splitlines()[2].split(",")[3:]
+
+
 @pytest.mark.parametrize("link", ["PGV", "PGV/curves.csv"])
 def test_curves_of_pgv_behind_a_link_that_leads_nowhere(tmp_path: Path, link: str) -> None:
     """As of a disk that is not there: without it PGV/PGA is not that of the site."""
