@@ -198,7 +198,7 @@ def mean_curve(curves: Sequence[HazardCurve], weights: Array, levels: Array) -> 
     -------
     HazardCurve, where some branch has a rate; beyond its end a branch has none
     """
-    mean = weights @ _rates(curves, levels)
+    mean = np.minimum.accumulate(weights @ _rates(curves, levels))  # equal rates, but for rounding
     return HazardCurve(levels[mean > 0.0], mean[mean > 0.0])
 
 

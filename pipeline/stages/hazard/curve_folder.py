@@ -70,9 +70,13 @@ def load(path: Path) -> HazardModel:
         given = f"a folder that cannot be read ({error.strerror})"
         raise refused(path, "", given, rule, remedy) from None
     check_links(path)
+    of_nshmp = (path / "PGA" / "curves.csv").is_file()
+    if of_openquake and of_nshmp:
+        given, rule = "curves of OpenQuake and PGA/curves.csv", "a folder holds one hazard"
+        raise refused(path, "", given, rule, "leave the others out")
     if of_openquake:
         return openquake.load(path)
-    if (path / "PGA" / "curves.csv").is_file():
+    if of_nshmp:
         return _nshmp(path)
     rule = "OpenQuake's are named hazard_curve-rlz-000-PGA_1.csv, nshmp-haz's PGA/curves.csv"
     raise refused(path, "", "no hazard curves", rule, "give the folder that they were exported to")

@@ -195,6 +195,15 @@ def test_mean_and_fractiles_of_three_curves() -> None:
     np.testing.assert_allclose(found[:, 0], [1e-3, 1e-3, 2e-3, 2e-3, 3e-3, 3e-3])
 
 
+def test_the_mean_of_curves_that_end_level_ends_level() -> None:
+    """Rates that are equal but for rounding do not rise: a curve is the mean of copies of it."""
+    levels = np.geomspace(0.1, 10.0, 30)
+    rates = np.maximum(0.01 * levels**-2.0, 1e-3)
+    for weights in np.random.default_rng(1).dirichlet(np.ones(9), 200):
+        mean = mean_curve([HazardCurve(levels, rates)] * 9, weights, levels)
+        np.testing.assert_allclose(mean.rates, rates, rtol=1e-12)
+
+
 @settings(deadline=None, max_examples=60)
 @given(st.floats(0.5, 4.0), st.floats(0.5, 20.0), st.floats(0.05, 1.0), st.floats(1e-5, 1e-1))
 def test_more_hazard_or_a_weaker_rock_survives_less(

@@ -345,6 +345,14 @@ def ended(path: Path) -> list[str]:
     return path.read_text().splitlines()[2].split(",")[3:]
 
 
+def test_curves_of_two_programs_in_one_folder_are_refused(tmp_path: Path) -> None:
+    nshmp(tmp_path, "0.11,0.021,0.0031,0.00041")
+    for path in MADE_UP.glob("hazard_curve-mean-*"):
+        shutil.copy(path, tmp_path)
+    with pytest.raises(InputError, match=r"got curves of OpenQuake and PGA/curves.csv; a folder"):
+        curve_folder.load(tmp_path)
+
+
 @pytest.mark.parametrize("link", ["PGV", "PGV/curves.csv"])
 def test_curves_of_pgv_behind_a_link_that_leads_nowhere(tmp_path: Path, link: str) -> None:
     """As of a disk that is not there: without it PGV/PGA is not that of the site."""
