@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import shutil
 from collections.abc import Callable
@@ -172,6 +173,7 @@ DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
     "four terabytes": (lambda file: bomb(file), "values of hcurves"),
     "weights of another file": (lambda file: elsewhere(file), "weights that stands in other"),
     "weights in raw bytes": (lambda file: outside(file), "weights that stands in other"),
+    "a link to a pipe": (lambda file: linked(file), "weights that stands in another file"),
     "more levels than read": (lambda file: full(file, 10_000, 501), "5,010,000 values of PGA"),
     "no weights": (lambda file: put(file, "weights", np.zeros(0)), "individual_rlzs"),
     "negative weights": (lambda file: put(file, "weights", [-0.5, 1.5]), "weight: got -0.5"),
@@ -236,6 +238,14 @@ def outside(file: h5py.File) -> None:
     raw = Path(file.filename).with_name("weights.raw")
     raw.write_bytes(np.full(2, 0.5).tobytes())
     file.create_dataset("weights", (2,), "f8", external=[(str(raw), 0, 16)])
+
+
+def linked(file: h5py.File) -> None:
+    """To a pipe, at which HDF5 would wait for ever."""
+    del file["weights"]
+    pipe = Path(file.filename).with_name("other.hdf5")
+    os.mkfifo(pipe)
+    file["weights"] = h5py.ExternalLink(pipe, "weights")
 
 
 def bomb(file: h5py.File) -> None:
