@@ -146,6 +146,21 @@ def test_what_has_no_part_is_named(folder: Path) -> None:
     )
 
 
+def test_records_that_are_cut_or_stand_twice_are_told(folder: Path) -> None:
+    made = records()
+    assert not [line for line in remarks(folder, read_tests(folder)) if "may" in line]
+    cut = SAMPLES // 2 + int(np.argmax(np.abs(made["acceleration"][0].values[SAMPLES // 2 :])))
+    made.assign(n_samples=("test", [cut, SAMPLES])).to_netcdf(folder / RECORDS)
+    said = [line for line in remarks(folder, read_tests(folder)) if "may" in line]
+    assert said == ["1 test of records.nc (1) end at more than 60% of their peak: they may be cut"]
+    same = np.array([made["acceleration"][1].values] * 2)
+    made.assign(acceleration=(("test", "time"), same)).to_netcdf(folder / RECORDS)
+    said = [line for line in remarks(folder, read_tests(folder)) if "may" in line]
+    assert said == [
+        "2 tests of records.nc (1, 2) are the same to the last digit: a record may stand twice"
+    ]
+
+
 def test_tests_to_predict_are_counted(folder: Path) -> None:
     """Scores are of the others, whose number alone would not tell that a cell was lost."""
     (folder / OUTCOMES).write_text(HEAD + "1,a,0.2,0.3,\n2,a,0.5,0.3,1\n")

@@ -34,6 +34,7 @@ from pipeline.stages.studies.validation.table_motions import (
     commanded,
     left_out,
     motions,
+    oddities,
     offset,
     peak_velocity,
     recorded,
@@ -301,8 +302,8 @@ def remarks(folder: Path, tests: Tests) -> Iterator[str]:
         return
     if cut := left_out(folder, tests.config.acceleration):
         yield f"samples of {_some(cut)} after the last that n_samples counts left out"
-    found = motions_of(folder)
-    ratios = _peak_ratios(tests, found)
+    ratios = _peak_ratios(tests, found := motions_of(folder))
+    yield from (f"{_some(numbers)} {said}" for numbers, said in oddities(found))
     if far := [number for number, ratio in ratios.items() if not 1 / ALIKE <= ratio <= ALIKE]:
         yield f"peaks of {_some(far)} are not within a factor of {ALIKE:g} of pga_g"
     ratio = median(
