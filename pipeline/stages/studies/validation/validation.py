@@ -61,7 +61,11 @@ def make(work: Work, folder: Folder) -> Product:
     motions_of(folder.path, known)  # what is wrong is told at once
     for line in (*tests.unused, *remarks(folder.path, tests)):
         work.log(f"validation: {line}")
-    forms = predictions.forms({n: scan(path) for n, path in scans_in(folder.path).items()})
+    scans = {number: scan(path) for number, path in scans_in(folder.path).items()}
+    for number, one in scans.items():
+        size = " x ".join(f"{side:.3g}" for side in one.extents)
+        work.log(f"validation: specimen {number} is {size} m")
+    forms = predictions.forms(scans)
     series = Series(folder.path, known, tests, forms)
     found, predicted = _predict(work, series)
     at_ends, doubts = _doubtful(work, series, predicted)
