@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from pipeline import cli
 from pipeline.config import outside
 from pipeline.config.problems import InputError
+from pipeline.stages.hazard.disaggregation import load_disaggregation
 from pipeline.stages.hazard.hazard_model import GivenCurve, Realization
-from pipeline.stages.hazard.shaking_ratio import load_disaggregation
 from pipeline.stages.studies.validation.recorded_tests import OUTCOMES
 from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
 from tests.support.bad_input import bounded, broken, cut, see_that_it_is_told, taken_or_refused

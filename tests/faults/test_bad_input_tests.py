@@ -13,13 +13,9 @@ import trimesh
 import xarray as xr
 
 from pipeline.config.priors_schema import ShakeTableConfig
-from pipeline.stages.studies.validation.recorded_tests import (
-    OUTCOMES,
-    RECORDS,
-    assumptions,
-    remarks,
-)
+from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS, assumptions, scan
 from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
+from pipeline.stages.studies.validation.remarks import remarks, sizes
 
 Refused = Callable[..., str]
 
@@ -159,6 +155,10 @@ def test_records_that_are_cut_or_stand_twice_are_told(folder: Path) -> None:
     assert said == [
         "2 tests of records.nc (1, 2) are the same to the last digit: a record may stand twice"
     ]
+
+
+def test_a_scan_in_centimetres_is_seen(folder: Path) -> None:
+    assert [*sizes({1: scan(folder / "sp1.ply")})] == ["specimen 1 is 0.1 x 0.1 x 0.3 m"]
 
 
 def test_tests_to_predict_are_counted(folder: Path) -> None:

@@ -16,7 +16,7 @@ from pipeline.bundles import checking
 from pipeline.config.age_files import samples
 from pipeline.stages.archive import rock_list
 from pipeline.stages.hazard import curve_folder, event_files, fault_files
-from pipeline.stages.hazard.shaking_ratio import load_disaggregation
+from pipeline.stages.hazard.disaggregation import load_disaggregation
 from pipeline.stages.mesh import sources
 from pipeline.stages.studies.validation.recorded_tests import OUTCOMES
 from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests

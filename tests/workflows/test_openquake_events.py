@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pipeline.stages.hazard import curve_folder, event_files
-from pipeline.stages.hazard.shaking_ratio import load_disaggregation
+from pipeline.stages.hazard.disaggregation import load_disaggregation
 from vsr_core import GRAVITY
 from vsr_core.hazard.ratio import ratios_of_scenarios
 from vsr_core.hazard.shaking import CurveShaking, counted_shaking

@@ -21,6 +21,12 @@ from pipeline.config.outside import checked, refused, table, text
 from pipeline.config.paths import located
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.hazard import event_files, openquake
+from pipeline.stages.hazard.disaggregation import (
+    PATTERN,
+    Disaggregation,
+    disaggregation_files,
+    load_disaggregation,
+)
 from pipeline.stages.hazard.hazard_model import (
     MEAN,
     UNITS,
@@ -29,12 +35,6 @@ from pipeline.stages.hazard.hazard_model import (
     Realization,
     check_digits,
     model,
-)
-from pipeline.stages.hazard.shaking_ratio import (
-    PATTERN,
-    Disaggregation,
-    disaggregation_files,
-    load_disaggregation,
 )
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.keys import digest_file
@@ -223,6 +223,8 @@ def _nearly_disaggregations(path: Path, disaggregated: Path | None) -> Iterator[
 def _other_rates(of_earthquakes: Disaggregation, model: HazardModel) -> Iterator[str]:
     """Disaggregated levels that the curves say are exceeded far more or less often, in words."""
     curves = [one.pga for one in model.branches]
+    if np.isnan(of_earthquakes.rates).all():
+        yield "disaggregated levels not held against the curves, as no years or no poe are told"
     for level, rate in zip(of_earthquakes.levels, of_earthquakes.rates, strict=True):
         each = [np.exp(np.interp(np.log(level), np.log(c.levels), np.log(c.rates))) for c in curves]
         low = 0.0 if any(level > one.levels[-1] for one in curves) else min(each)

@@ -32,8 +32,8 @@ _PACKED = 1100
 """Bytes that one byte of a compressed file can stand for, at most."""
 
 
-def check_links(file: Any) -> None:
-    """Refuse links to other files, of which nobody would see that they change or are pipes.
+def check_whole(file: Any) -> None:
+    """Refuse a file with links to others, which may change unseen, or be pipes.
 
     Raises
     ------

@@ -42,7 +42,7 @@ from pipeline.stages.hazard.hazard_model import (
     check_digits,
     model,
 )
-from pipeline.stages.hazard.hdf5_files import attribute, check_links, content
+from pipeline.stages.hazard.hdf5_files import attribute, check_whole, content
 from pipeline.workflow.grammar import listed
 from vsr_core.arrays import Array
 from vsr_core.errors import reason
@@ -331,7 +331,7 @@ def _header(lines: str) -> str:
 
 def settings_of(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Parameters of the calculation, and the levels of each measure."""
-    check_links(file)
+    check_whole(file)
     stored = content(file["oqparam"], _MOST_SETTINGS)
     if isinstance(stored, bytes):
         settings = json.loads(stored)

@@ -15,30 +15,15 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from pipeline.config import in_si
-from pipeline.config.folder_names import check_links, check_names, unread
+from pipeline.config.folder_names import check_links, check_names
 from pipeline.config.layers import Origin, Site, load_file
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located, shown
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.problems import InputError, not_found
-from pipeline.config.sections import (
-    LARGEST_PGA,
-    LONGEST_PULSE,
-    SHORTEST_PULSE,
-    SMALLEST_PGA,
-    STRONG_PGA,
-)
+from pipeline.config.sections import LARGEST_PGA, LONGEST_PULSE, SHORTEST_PULSE, SMALLEST_PGA
 from pipeline.stages.mesh import mesh_files
-from pipeline.stages.studies.validation.table_motions import (
-    RECORDS,
-    commanded,
-    left_out,
-    motions,
-    oddities,
-    offset,
-    peak_velocity,
-    recorded,
-)
+from pipeline.stages.studies.validation.table_motions import RECORDS, commanded, motions, recorded
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.keys import check_same, digest_file
 from pipeline.workflow.stage import Input
@@ -58,14 +43,6 @@ SCAN, SPECIMEN = re.compile(r"sp(\d{1,9})\.ply"), re.compile(r"specimen(?P<speci
 ALIKE, ALONE = 3.0, 10.0
 """Factors within which peaks of records are the PGA of their tests: in the middle, and of each. A
 spike that a filter took from the PGA of a published test is 8.5 times as large."""
-
-VELOCITIES = 1.75
-"""Factor within which peak velocities agree, in the middle: in published tests 1.08, of six 1.5. A
-step that is twice or half as long is beyond."""
-
-OFFSET = 0.05
-"""Mean of an accelerometer, as a share of the peak, from which on it is told, in the middle: of 490
-published tests it is 0.008, of one 0.26."""
 
 PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d{1,9})_(?P<setting>\w+)")
 """A column of someone's predictions for a specimen, such as dem_s1_kn10."""
@@ -158,10 +135,11 @@ class Folder(Input):
 
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
-        return {path.name: digest_file(path) for path in _read(self.path) if path.is_file()}
+        return {path.name: digest_file(path) for path in files_of(self.path) if path.is_file()}
 
 
-def _read(folder: Path) -> list[Path]:
+def files_of(folder: Path) -> list[Path]:
+    """The files of a folder of tests that are read, there or not."""
     return [*(folder / name for name in (RECORDS, OUTCOMES, ASSUMED)), *scans_in(folder).values()]
 
 
@@ -269,7 +247,7 @@ def _check_records(folder: Path, listed: set[int]) -> None:
 
 def _check_peaks(folder: Path, tests: Tests, found: dict[int, GroundMotion]) -> None:
     """Refuse records in another unit than they say, or of other tests, by PGA."""
-    ratios = _peak_ratios(tests, found)
+    ratios = peak_ratios(tests, found)
     farthest = max(ratios, key=lambda number: abs(math.log(ratios[number])))
     for ratio, factor, of, remedy in (
         (median(ratios.values()), ALIKE, "median", f"correct their unit, or {OUTCOMES}"),
@@ -281,46 +259,12 @@ def _check_peaks(folder: Path, tests: Tests, found: dict[int, GroundMotion]) -> 
             raise refused(folder / RECORDS, "acceleration", given, rule, remedy)
 
 
-def _peak_ratios(tests: Tests, found: dict[int, GroundMotion]) -> dict[int, float]:
+def peak_ratios(tests: Tests, found: dict[int, GroundMotion]) -> dict[int, float]:
     """Peaks of records as a share of PGA, by test."""
     return {
         number: in_si.in_g(found[number].peak_acceleration) / pga
         for number, pga in zip(tests.number, tests.pga, strict=True)
     }
-
-
-def remarks(folder: Path, tests: Tests) -> Iterator[str]:
-    """In what records and table differ more than is usual, in words."""
-    yield from unread(folder, _read(folder))
-    records, config = (folder / RECORDS).is_file(), tests.config
-    if config.stepper if records else config.acceleration:
-        name, count = ("stepper", "a") if records else ("acceleration", "no")
-        yield f"{name} of {ASSUMED} left out, as there is {count} {RECORDS}"
-    if not records:
-        if (most := max(tests.pga)) > STRONG_PGA:
-            yield f"pga_g of up to {most:.3g} g, and records rarely exceed {STRONG_PGA:g} g: m/s2?"
-        return
-    if cut := left_out(folder, tests.config.acceleration):
-        yield f"samples of {_some(cut)} after the last that n_samples counts left out"
-    ratios = _peak_ratios(tests, found := motions_of(folder))
-    yield from (f"{_some(numbers)} {said}" for numbers, said in oddities(found))
-    if far := [number for number, ratio in ratios.items() if not 1 / ALIKE <= ratio <= ALIKE]:
-        yield f"peaks of {_some(far)} are not within a factor of {ALIKE:g} of pga_g"
-    ratio = median(
-        peak_velocity(found[number]) / (in_si.acceleration(pga) * seconds)
-        for number, pga, seconds in zip(tests.number, tests.pga, tests.pgv_pga, strict=True)
-    )
-    if not 1.0 / VELOCITIES <= ratio <= VELOCITIES:
-        said = f"peak velocities of {RECORDS} are {ratio:.3g} times pga_g by pgv_pga_s (median)"
-        yield f"{said}: its times or the table are wrong, or its accelerations drift"
-    if (share := median(map(offset, found.values()))) > OFFSET:
-        said = f"accelerations of {RECORDS} have a mean of {share:.0%} of their peak (median)"
-        yield f"{said}: an instrument's offset, which acts as a tilt"
-
-
-def _some(numbers: list[int]) -> str:
-    named = ", ".join(map(str, numbers[:3])) + (" and so on" if len(numbers) > 3 else "")
-    return f"{counted(len(numbers), 'test')} of {RECORDS} ({named})"
 
 
 def _unused(

@@ -154,51 +154,6 @@ def _motion(path: Path, name: str, number: int, values: Array, interval: float) 
     return ComponentMotion((x, y, z))
 
 
-def peak_velocity(motion: GroundMotion) -> float:
-    """Largest horizontal velocity [m/s], without the drift that an offset makes."""
-    return max(float(np.abs(_undrifted(one.velocity)).max()) for one in _horizontal(motion))
-
-
-def offset(motion: GroundMotion) -> float:
-    """Largest mean of the horizontal accelerations, as a share of their peak."""
-    along = np.array([one.acceleration for one in _horizontal(motion)])
-    return float(np.abs(along.mean(axis=1)).max() / np.abs(along).max())
-
-
-CUT = 0.6
-"""Share of its peak at which a motion ends that was cut, probably: none of 490 published records of
-tests does so (largest acceleration of the last fiftieth)."""
-
-
-def oddities(motions: dict[int, GroundMotion]) -> Iterator[tuple[list[int], str]]:
-    """Numbers of tests whose records are probably no whole ones of their own, and why."""
-    alike: dict[bytes, list[int]] = {}
-    cut = []
-    for number, motion in motions.items():
-        along = np.array([one.acceleration for one in _horizontal(motion)])
-        alike.setdefault(along.tobytes(), []).append(number)
-        end = along[:, -max(1, along.shape[1] // 50) :]
-        if np.abs(end).max() > CUT * np.abs(along).max():
-            cut.append(number)
-    for numbers in (each for each in alike.values() if len(each) > 1):
-        yield numbers, "are the same to the last digit: a record may stand twice"
-    if cut:
-        yield cut, f"end at more than {CUT:.0%} of their peak: they may be cut"
-
-
-def _undrifted(velocity: Array) -> Array:
-    return velocity - np.linspace(0.0, velocity[-1], len(velocity))
-
-
-def _horizontal(motion: GroundMotion) -> list[Trace]:
-    match motion:
-        case RecordedMotion(trace):
-            return [trace]
-        case ComponentMotion((x, y, _)):
-            return [*_horizontal(x), *_horizontal(y)]
-    raise TypeError(f"{type(motion).__name__} is no record")
-
-
 def identity(motion: GroundMotion) -> str:
     """What tells a motion from all others: digest of its samples, or its parameters."""
     match motion:

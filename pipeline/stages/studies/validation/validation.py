@@ -16,11 +16,11 @@ from pipeline.stages.studies.validation.recorded_tests import (
     Folder,
     digests_of_motions,
     motions_of,
-    remarks,
     scan,
     scans_in,
     tests_in,
 )
+from pipeline.stages.studies.validation.remarks import remarks, sizes
 from pipeline.stages.studies.validation.table_motions import RECORDS
 from pipeline.stages.uncertainty.draws import priors
 from pipeline.workflow import pages, writers
@@ -59,12 +59,9 @@ def make(work: Work, folder: Folder) -> Product:
     known = digests_of_motions(folder.path)
     tests = tests_in(folder.path)
     motions_of(folder.path, known)  # what is wrong is told at once
-    for line in (*tests.unused, *remarks(folder.path, tests)):
-        work.log(f"validation: {line}")
     scans = {number: scan(path) for number, path in scans_in(folder.path).items()}
-    for number, one in scans.items():
-        size = " x ".join(f"{side:.3g}" for side in one.extents)
-        work.log(f"validation: specimen {number} is {size} m")
+    for line in (*tests.unused, *remarks(folder.path, tests), *sizes(scans)):
+        work.log(f"validation: {line}")
     forms = predictions.forms(scans)
     series = Series(folder.path, known, tests, forms)
     found, predicted = _predict(work, series)

@@ -19,7 +19,7 @@ from pipeline import ROOT
 from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.hazard import curve_folder, event_files, hdf5_files
-from pipeline.stages.hazard.shaking_ratio import load_disaggregation
+from pipeline.stages.hazard.disaggregation import load_disaggregation
 from tests.support.bad_input import bounded
 from tests.support.event_sets import EventSet
 from tests.support.outside_files import nshmp, of_events
@@ -464,6 +464,13 @@ def test_a_bin_of_1_makes_no_level_conditional(tmp_path: Path) -> None:
     path.write_text("\n".join([head, names, *rows, *beside, ""]), encoding="utf-8")
     (told,) = load_disaggregation(path).unused
     assert told.startswith("bins of 0.5 g have a probability of 1 together, and a poe of 0.001")
+
+
+def test_levels_of_no_years_are_not_held_against_the_curves_which_is_told(tmp_path: Path) -> None:
+    model = curve_folder.load(written(tmp_path / "calc_7.hdf5"))
+    found = load_disaggregation(disaggregated(tmp_path, {"mean": MEAN}))
+    (said,) = curve_folder._other_rates(found, model)
+    assert said.startswith("disaggregated levels not held against the curves")
 
 
 def test_without_a_poe_levels_are_exceeded_as_often_as_their_bins_say(tmp_path: Path) -> None:

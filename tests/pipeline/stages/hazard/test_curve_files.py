@@ -311,38 +311,34 @@ def test_a_branch_whose_rates_are_of_other_years_is_told(
     ] * told
 
 
-def test_a_branch_whose_rates_of_pgv_are_of_other_years_is_told(tmp_path: Path) -> None:
-    """Where no mean curve is beside the branches, which would be off theirs."""
-    for pattern in ("about.txt", "realizations_1.csv", "*-rlz-*"):
+def told_of_pgv(folder: Path, change: Callable[[float, int], float], words: str) -> list[str]:
+    """What is told where one of nine branches has other probabilities of PGV, and no mean curve."""
+    for pattern in ("realizations_1.csv", "*-rlz-*"):
         for path in MADE_UP.glob(pattern):
-            shutil.copy(path, tmp_path)
-    assert [line for line in curve_folder.load(tmp_path).unused if "first level" in line] == []
-    path = tmp_path / "hazard_curve-rlz-003-PGV_1.csv"
+            shutil.copy(path, folder)
+    path = folder / "hazard_curve-rlz-003-PGV_1.csv"
     head, names, row = path.read_text().splitlines()
-    where, shares = row.split(",")[:3], [0.1 * float(share) for share in row.split(",")[3:]]
-    path.write_text("\n".join([head, names, ",".join([*where, *map(str, shares)]), ""]))
-    (said,) = (line for line in curve_folder.load(tmp_path).unused if "first level" in line)
-    assert "branch 3 exceeds the first level of PGV" in said
+    where, shares = row.split(",")[:3], map(float, row.split(",")[3:])
+    changed = [str(change(share, level)) for level, share in enumerate(shares)]
+    path.write_text("\n".join([head, names, ",".join([*where, *changed]), ""]))
+    return [line for line in curve_folder.load(folder).unused if words in line]
+
+
+@pytest.mark.parametrize(("factor", "told"), [(1.0, 0), (0.1, 1)])
+def test_a_branch_whose_rates_of_pgv_are_of_other_years_is_told(
+    tmp_path: Path, factor: float, told: int
+) -> None:
+    said = told_of_pgv(tmp_path, lambda share, level: factor * share, "the first level")
+    assert len(said) == told
+    assert all(line.startswith("branch 3 exceeds the first level of PGV") for line in said)
 
 
 def test_levels_of_pgv_that_nothing_exceeds_are_counted(tmp_path: Path) -> None:
     """As of PGA: a curve that ends early has another PGV/PGA."""
-    for pattern in ("about.txt", "realizations_1.csv", "*-rlz-*"):
-        for path in MADE_UP.glob(pattern):
-            shutil.copy(path, tmp_path)
-    path = tmp_path / "hazard_curve-rlz-003-PGV_1.csv"
-    head, names, row = path.read_text().splitlines()
-    cells = row.split(",")
-    before = sum(float(cell) == 0.0 for at in MADE_UP.glob("*-rlz-*PGV*") for cell in ended(at))
-    lost = sum(float(cell) > 0.0 for cell in cells[-5:])
-    path.write_text("\n".join([head, names, ",".join([*cells[:-5], *["0"] * 5]), ""]))
-    (said,) = (line for line in curve_folder.load(tmp_path).unused if "of PGV that nothing" in line)
-    assert said.startswith(f"{before + lost} levels of PGV that nothing exceeds left out")
-
-
-def ended(path: Path) -> list[str]:
-    """Probabilities of a curve."""
-    return path.read_text().splitlines()[2].split(",")[3:]
+    said = told_of_pgv(tmp_path, lambda share, level: share * (level < 12), "of PGV that nothing")
+    rows = [path.read_text().splitlines()[2].split(",") for path in tmp_path.glob("*PGV*")]
+    none = sum(float(share) == 0.0 for row in rows for share in row[3:])
+    assert said == [f"{none} levels of PGV that nothing exceeds left out, at ends of curves"]
 
 
 def test_curves_of_two_programs_in_one_folder_are_refused(tmp_path: Path) -> None:

@@ -14,14 +14,9 @@ import xarray as xr
 from support.recorded_tests import recorded_tests
 
 from pipeline.config.problems import InputError
-from pipeline.stages.studies.validation.recorded_tests import (
-    ASSUMED,
-    OUTCOMES,
-    RECORDS,
-    motions_of,
-    remarks,
-)
+from pipeline.stages.studies.validation.recorded_tests import ASSUMED, OUTCOMES, RECORDS, motions_of
 from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
+from pipeline.stages.studies.validation.remarks import remarks
 from pipeline.stages.studies.validation.validation_page import assumed
 
 Change = Callable[[xr.Dataset], xr.Dataset]

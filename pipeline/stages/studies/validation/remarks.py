@@ -1,0 +1,124 @@
+"""What is unusual in recorded tests and is told: files, records that differ from the table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.config import in_si
+from pipeline.config.folder_names import unread
+from pipeline.config.sections import STRONG_PGA
+from pipeline.stages.studies.validation.recorded_tests import (
+    ALIKE,
+    ASSUMED,
+    Tests,
+    files_of,
+    motions_of,
+    peak_ratios,
+)
+from pipeline.stages.studies.validation.table_motions import RECORDS, identity, left_out
+from pipeline.workflow.grammar import counted
+from vsr_core.arrays import Array
+from vsr_core.motions.ground_motion import GroundMotion
+from vsr_core.motions.records.components import ComponentMotion
+from vsr_core.motions.records.trace import RecordedMotion, Trace
+
+if TYPE_CHECKING:
+    import trimesh
+
+VELOCITIES = 1.75
+"""Factor within which peak velocities agree, in the middle: in published tests 1.08, of six 1.5. A
+step that is twice or half as long is beyond."""
+
+OFFSET = 0.05
+"""Mean of an accelerometer, as a share of the peak, from which on it is told, in the middle: of 490
+published tests it is 0.008, of one 0.26."""
+
+CUT = 0.6
+"""Share of its peak at which a motion ends that was cut, probably: none of 490 published records of
+tests does so."""
+
+
+def remarks(folder: Path, tests: Tests) -> Iterator[str]:
+    """In what records and table differ more than is usual, in words."""
+    yield from unread(folder, files_of(folder))
+    records, config = (folder / RECORDS).is_file(), tests.config
+    if config.stepper if records else config.acceleration:
+        name, count = ("stepper", "a") if records else ("acceleration", "no")
+        yield f"{name} of {ASSUMED} left out, as there is {count} {RECORDS}"
+    if not records:
+        if (most := max(tests.pga)) > STRONG_PGA:
+            yield f"pga_g of up to {most:.3g} g, and records rarely exceed {STRONG_PGA:g} g: m/s2?"
+        return
+    if more := left_out(folder, tests.config.acceleration):
+        yield f"samples of {_some(more)} after the last that n_samples counts left out"
+    ratios = peak_ratios(tests, found := motions_of(folder))
+    for numbers in _alike(found):
+        yield f"{_some(numbers)} are the same to the last digit: a record may stand twice"
+    if cut := [number for number, motion in found.items() if _end(motion) > CUT]:
+        yield f"{_some(cut)} end at more than {CUT:.0%} of their peak: they may be cut"
+    if far := [number for number, ratio in ratios.items() if not 1 / ALIKE <= ratio <= ALIKE]:
+        yield f"peaks of {_some(far)} are not within a factor of {ALIKE:g} of pga_g"
+    ratio = median(
+        _peak_velocity(found[number]) / (in_si.acceleration(pga) * seconds)
+        for number, pga, seconds in zip(tests.number, tests.pga, tests.pgv_pga, strict=True)
+    )
+    if not 1.0 / VELOCITIES <= ratio <= VELOCITIES:
+        said = f"peak velocities of {RECORDS} are {ratio:.3g} times pga_g by pgv_pga_s (median)"
+        yield f"{said}: its times or the table are wrong, or its accelerations drift"
+    if (share := median(map(_offset, found.values()))) > OFFSET:
+        said = f"accelerations of {RECORDS} have a mean of {share:.0%} of their peak (median)"
+        yield f"{said}: an instrument's offset, which acts as a tilt"
+
+
+def sizes(scans: dict[int, trimesh.Trimesh]) -> Iterator[str]:
+    """How large specimens are, by which a scan in another unit is seen."""
+    for number, one in scans.items():
+        yield f"specimen {number} is {' x '.join(f'{side:.3g}' for side in one.extents)} m"
+
+
+def _some(numbers: list[int]) -> str:
+    named = ", ".join(map(str, numbers[:3])) + (" and so on" if len(numbers) > 3 else "")
+    return f"{counted(len(numbers), 'test')} of {RECORDS} ({named})"
+
+
+def _alike(motions: dict[int, GroundMotion]) -> Iterator[list[int]]:
+    """Numbers of tests that have the same record."""
+    found: dict[str, list[int]] = {}
+    for number, motion in motions.items():
+        found.setdefault(identity(motion), []).append(number)
+    return (numbers for numbers in found.values() if len(numbers) > 1)
+
+
+def _end(motion: GroundMotion) -> float:
+    """Largest horizontal acceleration of the last fiftieth, as a share of the peak."""
+    along = np.abs([one.acceleration for one in _horizontal(motion)])
+    return float(along[:, -max(1, along.shape[1] // 50) :].max() / along.max())
+
+
+def _peak_velocity(motion: GroundMotion) -> float:
+    """Largest horizontal velocity [m/s], without the drift that an offset makes."""
+    return max(float(np.abs(_undrifted(one.velocity)).max()) for one in _horizontal(motion))
+
+
+def _offset(motion: GroundMotion) -> float:
+    """Largest mean of the horizontal accelerations, as a share of their peak."""
+    along = np.array([one.acceleration for one in _horizontal(motion)])
+    return float(np.abs(along.mean(axis=1)).max() / np.abs(along).max())
+
+
+def _undrifted(velocity: Array) -> Array:
+    return velocity - np.linspace(0.0, velocity[-1], len(velocity))
+
+
+def _horizontal(motion: GroundMotion) -> list[Trace]:
+    match motion:
+        case RecordedMotion(trace):
+            return [trace]
+        case ComponentMotion((x, y, _)):
+            return [*_horizontal(x), *_horizontal(y)]
+    raise TypeError(f"{type(motion).__name__} is no record")
