@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.bundles.layout import RESULTS, about, opened, unpack
-from pipeline.config.outside import check_heaps
+from pipeline.config.outside import check_hdf5
 from pipeline.config.problems import InputError, Problem, printable
 from pipeline.workflow import output, pages
 from pipeline.workflow.datasets import open_below
@@ -254,7 +254,7 @@ def _spelled(values: list[Any]) -> str:
 
 def _read(path: Path, name: str) -> xr.Dataset:
     try:
-        check_heaps(path)
+        check_hdf5(path)
         return xr.load_dataset(path)
     except (OSError, ValueError) as error:
         raise _unusable(path.name, name, error) from None

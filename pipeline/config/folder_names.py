@@ -30,7 +30,7 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
                 raise refused(other, "", "a file that is not read", f"it is {name}", "rename it")
 
 
-def check_links(folder: Path) -> None:
+def check_links(paths: Iterable[Path]) -> None:
     """Refuse a link that leads nowhere, as to a file that is still to be fetched.
 
     It would pass for a file that is not there, where one may be or not.
@@ -38,12 +38,13 @@ def check_links(folder: Path) -> None:
     Raises
     ------
     InputError
-        If there is one in the folder, but for notes, or of a table in a folder of it.
+        If one of the paths is such a link.
     """
-    for path in sorted((*folder.iterdir(), *folder.glob("*/*.csv"))):
-        if not path.exists() and path.suffix.lower() not in NOTES[1:]:
+    for path in paths:
+        if path.is_symlink() and not path.exists():
+            given = f"{path.name}, a link that leads nowhere"
             rule, remedy = "it leads to what is read", "get that, or remove the link"
-            raise refused(path, "", "a link that leads nowhere", rule, remedy)
+            raise refused(path.parent, "", given, rule, remedy)
 
 
 def unread(folder: Path, read: Iterable[Path]) -> Iterator[str]:

@@ -18,7 +18,7 @@ import re
 import stat
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
@@ -148,12 +148,30 @@ def damaged_heap(path: Path) -> int | None:
         return damaged(held)
 
 
-def check_heaps(path: Path) -> None:
-    """Refuse a file that HDF5 would read for ever."""
+def check_hdf5(path: Path) -> None:
+    """Refuse a file that HDF5 would read for ever, or in which a link leads to another file.
+
+    That may change unseen, or be a pipe.
+    """
     at = damaged_heap(path)
     if at is not None:
         rule = "what is in it follows each other to its end"
         raise refused(path, f"heap at byte {at}", "a damaged one", rule, "copy it again")
+    if link := _link_of_hdf5(path):
+        rule, remedy = "all of it is in one file", "copy into it what the link leads to"
+        raise refused(path, link, "a link to another file", rule, remedy)
+
+
+def _link_of_hdf5(path: Path) -> str:
+    """Name of a link to another file; empty if there is none, or none that can be read."""
+    import h5py
+
+    def outside(name: bytes, link: Any) -> str | None:
+        return name.decode(errors="replace") if link.type == h5py.h5l.TYPE_EXTERNAL else None
+
+    with suppress(Exception), h5py.File(path) as file:  # what is damaged is told by what reads it
+        return file.id.links.visit(outside, info=True) or ""
+    return ""
 
 
 def _unreadable(error: OSError) -> InvalidInput:

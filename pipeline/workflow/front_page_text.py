@@ -16,7 +16,7 @@ import netCDF4
 import numpy as np
 from PIL import Image
 
-from pipeline.config.outside import check_file, check_heaps, content
+from pipeline.config.outside import check_file, check_hdf5, content
 from pipeline.config.problems import printable
 from pipeline.workflow import pages
 from pipeline.workflow.front_page import DATA, stamp
@@ -226,7 +226,7 @@ def _error(path: Path) -> dict[str, str]:
 
 def _dataset(path: Path) -> netCDF4.Dataset:
     check_file(path, _LARGEST_DATASET)
-    check_heaps(path)
+    check_hdf5(path)
     return netCDF4.Dataset(path)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,13 @@ import trimesh
 import xarray as xr
 
 from pipeline.config.priors_schema import ShakeTableConfig
-from pipeline.stages.studies.validation.recorded_tests import OUTCOMES, RECORDS, assumptions, scan
+from pipeline.stages.studies.validation.recorded_tests import (
+    OUTCOMES,
+    RECORDS,
+    assumptions,
+    scan,
+    site_of,
+)
 from pipeline.stages.studies.validation.recorded_tests import tests_in as read_tests
 from pipeline.stages.studies.validation.remarks import remarks, sizes
 
@@ -142,13 +149,35 @@ def test_what_has_no_part_is_named(folder: Path) -> None:
     )
 
 
+CUT = "1 test of records.nc ({}) begin or end at more than 60% of their peak: they may be cut"
+
+
+def test_a_pipe_behind_a_link_in_records_is_not_waited_for(folder: Path, refused: Refused) -> None:
+    os.mkfifo(folder / "other.hdf5")
+    with h5py.File(folder / RECORDS, "r+") as file:
+        file["extra"] = h5py.ExternalLink(folder / "other.hdf5", "extra")
+    refused("run", "validation", "--table", folder, words=("extra", "a link to another file"))
+
+
+def test_a_link_of_what_is_not_read_is_welcome(folder: Path) -> None:
+    """As an editor leaves beside a file that is not saved yet."""
+    (folder / ".#outcomes.csv").symlink_to("somebody@somewhere.123")
+    assert site_of(folder).name == folder.name
+
+
 def test_records_that_are_cut_or_stand_twice_are_told(folder: Path) -> None:
     made = records()
     assert not [line for line in remarks(folder, read_tests(folder)) if "may" in line]
     cut = SAMPLES // 2 + int(np.argmax(np.abs(made["acceleration"][0].values[SAMPLES // 2 :])))
     made.assign(n_samples=("test", [cut, SAMPLES])).to_netcdf(folder / RECORDS)
     said = [line for line in remarks(folder, read_tests(folder)) if "may" in line]
-    assert said == ["1 test of records.nc (1) end at more than 60% of their peak: they may be cut"]
+    assert said == [CUT.format(1)]
+    late = np.zeros((2, SAMPLES))
+    late[1, : SAMPLES - cut] = made["acceleration"][1].values[cut:]  # and rests for its length
+    late[0] = made["acceleration"][0].values
+    made.assign(acceleration=(("test", "time"), late)).to_netcdf(folder / RECORDS)
+    said = [line for line in remarks(folder, read_tests(folder)) if "may" in line]
+    assert said == [CUT.format(2)]
     same = np.array([made["acceleration"][1].values] * 2)
     made.assign(acceleration=(("test", "time"), same)).to_netcdf(folder / RECORDS)
     said = [line for line in remarks(folder, read_tests(folder)) if "may" in line]

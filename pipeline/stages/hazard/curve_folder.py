@@ -69,7 +69,7 @@ def load(path: Path) -> HazardModel:
         rule, remedy = "it is a folder that you may read", "change its permissions"
         given = f"a folder that cannot be read ({error.strerror})"
         raise refused(path, "", given, rule, remedy) from None
-    check_links(path)
+    check_links(path / part for name in UNITS for part in (name, f"{name}/curves.csv"))
     of_nshmp = (path / "PGA" / "curves.csv").is_file()
     if of_openquake and of_nshmp:
         given, rule = "curves of OpenQuake and PGA/curves.csv", "a folder holds one hazard"
@@ -223,8 +223,9 @@ def _nearly_disaggregations(path: Path, disaggregated: Path | None) -> Iterator[
 def _other_rates(of_earthquakes: Disaggregation, model: HazardModel) -> Iterator[str]:
     """Disaggregated levels that the curves say are exceeded far more or less often, in words."""
     curves = [one.pga for one in model.branches]
-    if np.isnan(of_earthquakes.rates).all():
-        yield "disaggregated levels not held against the curves, as no years or no poe are told"
+    if unknown := int(np.isnan(of_earthquakes.rates).sum()):
+        of = counted(unknown, "disaggregated level")
+        yield f"{of} not held against the curves, as no years, or no poe below 1, are told"
     for level, rate in zip(of_earthquakes.levels, of_earthquakes.rates, strict=True):
         each = [np.exp(np.interp(np.log(level), np.log(c.levels), np.log(c.rates))) for c in curves]
         low = 0.0 if any(level > one.levels[-1] for one in curves) else min(each)

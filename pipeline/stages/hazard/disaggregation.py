@@ -153,7 +153,8 @@ def _check(path: Path, bins: pd.DataFrame) -> None:
         raise refused(path, "iml, mag, dist", given, "a bin is in one file", remedy)
     poes = bins.groupby("iml")["poe"].agg(["min", "max"]).reset_index()
     if len(odd := poes[poes["min"] < poes["max"]]):
-        given = "{1:g} and {2:g} at {0:g} g".format(*odd.iloc[0])
+        level, least, most = odd.iloc[0]
+        given = f"{f'{least:g}' if least else 'none'} and {most:g} at {level:g} g"
         raise refused(path, "poe", given, "bins of a level share its poe", "export it again")
     if not bins["share"].sum() > 0.0:
         rule = "OpenQuake's is named Mag_Dist-mean-0_1.csv and has rows of PGA"

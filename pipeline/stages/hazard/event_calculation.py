@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.config import long_tables
-from pipeline.config.outside import Row, check_file, check_heaps, checked
+from pipeline.config.outside import Row, check_file, check_hdf5, checked
 from pipeline.stages.hazard import openquake
 from pipeline.stages.hazard.event_tables import Event, EventTables, Place, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import Realization
@@ -38,7 +38,7 @@ def tables(path: Path) -> EventTables:
     import h5py
 
     check_file(path, long_tables.LARGEST)
-    check_heaps(path)
+    check_hdf5(path)
     with openquake.reading(path, "gmf_data", _RULE), h5py.File(path) as file:
         settings, _ = openquake.settings_of(file)
         lon, lat = (openquake.numbers(file[f"sitecol/{name}"]) for name in ("lon", "lat"))

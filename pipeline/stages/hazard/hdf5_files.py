@@ -32,22 +32,6 @@ _PACKED = 1100
 """Bytes that one byte of a compressed file can stand for, at most."""
 
 
-def check_whole(file: Any) -> None:
-    """Refuse a file with links to others, which may change unseen, or be pipes.
-
-    Raises
-    ------
-    ValueError
-    """
-    import h5py
-
-    def outside(name: bytes, link: Any) -> bytes | None:
-        return name if link.type == h5py.h5l.TYPE_EXTERNAL else None
-
-    if (found := file.id.links.visit(outside, info=True)) is not None:
-        raise ValueError(f"{found.decode(errors='replace')} that stands in another file")
-
-
 def content(data: Any, most: int) -> Any:
     """What a dataset holds, which is of so many values at most.
 

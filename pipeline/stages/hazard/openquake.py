@@ -25,7 +25,7 @@ import numpy as np
 
 from pipeline.config.outside import (
     check_file,
-    check_heaps,
+    check_hdf5,
     checked,
     opened,
     refused,
@@ -42,7 +42,7 @@ from pipeline.stages.hazard.hazard_model import (
     check_digits,
     model,
 )
-from pipeline.stages.hazard.hdf5_files import attribute, check_whole, content
+from pipeline.stages.hazard.hdf5_files import attribute, content
 from pipeline.workflow.grammar import listed
 from vsr_core.arrays import Array
 from vsr_core.errors import reason
@@ -176,7 +176,7 @@ def load_calculation(path: Path) -> HazardModel:
     import h5py
 
     check_file(path, _LARGEST)
-    check_heaps(path)
+    check_hdf5(path)
     rule = "it is a classical calculation of OpenQuake with individual_rlzs = true"
     with reading(path, _STORED, rule), h5py.File(path) as file:
         settings, levels = settings_of(file)
@@ -331,7 +331,6 @@ def _header(lines: str) -> str:
 
 def settings_of(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Parameters of the calculation, and the levels of each measure."""
-    check_whole(file)
     stored = content(file["oqparam"], _MOST_SETTINGS)
     if isinstance(stored, bytes):
         settings = json.loads(stored)

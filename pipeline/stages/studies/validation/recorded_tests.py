@@ -119,7 +119,7 @@ def site_of(folder: Path) -> Site:
         raise refused(folder, "", "no folder", "tests are in one", "correct the path")
     if not (folder / OUTCOMES).is_file():
         raise refused(folder / OUTCOMES, "", "", "file not found", "put it there")
-    check_links(folder)
+    check_links((folder / RECORDS, folder / ASSUMED, *folder.glob("sp*.ply")))
     if not scans_in(folder):
         rule, remedy = "there is one for each specimen", "call it sp1.ply, in metres"
         raise refused(folder, "", "no scan", rule, remedy)

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.config import in_si
-from pipeline.config.outside import check_file, check_heaps, refused
+from pipeline.config.outside import check_file, check_hdf5, refused
 from pipeline.config.paths import shown
 from pipeline.config.problems import InputError
 from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA
@@ -222,7 +222,7 @@ def _records(folder: Path) -> Iterator[xr.Dataset]:
 
 def _opened(path: Path) -> xr.Dataset:
     check_file(path, _LARGEST)
-    check_heaps(path)
+    check_hdf5(path)
     try:
         with path.open("rb") as file:
             check_format(file.read(3))

@@ -173,7 +173,7 @@ DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
     "four terabytes": (lambda file: bomb(file), "values of hcurves"),
     "weights of another file": (lambda file: elsewhere(file), "weights that stands in other"),
     "weights in raw bytes": (lambda file: outside(file), "weights that stands in other"),
-    "a link to a pipe": (lambda file: linked(file), "weights that stands in another file"),
+    "a link to a pipe": (lambda file: linked(file), "weights: got a link to another file"),
     "more levels than read": (lambda file: full(file, 10_000, 501), "5,010,000 values of PGA"),
     "no weights": (lambda file: put(file, "weights", np.zeros(0)), "individual_rlzs"),
     "negative weights": (lambda file: put(file, "weights", [-0.5, 1.5]), "weight: got -0.5"),
@@ -470,7 +470,7 @@ def test_levels_of_no_years_are_not_held_against_the_curves_which_is_told(tmp_pa
     model = curve_folder.load(written(tmp_path / "calc_7.hdf5"))
     found = load_disaggregation(disaggregated(tmp_path, {"mean": MEAN}))
     (said,) = curve_folder._other_rates(found, model)
-    assert said.startswith("disaggregated levels not held against the curves")
+    assert said.startswith("1 disaggregated level not held against the curves")
 
 
 def test_without_a_poe_levels_are_exceeded_as_often_as_their_bins_say(tmp_path: Path) -> None:
@@ -494,7 +494,7 @@ def test_bins_of_a_level_with_another_poe_are_refused(tmp_path: Path) -> None:
     imt, iml, poe, *where, share = lines[3].split(",")
     lines[3] = ",".join([imt, iml, share, *where, poe])
     path.write_text("\n".join([*lines, ""]), encoding="utf-8")
-    with pytest.raises(InputError, match=r"poe: got 0 and 0.001 at 0.5 g; bins of a level share"):
+    with pytest.raises(InputError, match=r"poe: got none and 0.001 at 0.5 g; bins of a level"):
         load_disaggregation(path)
 
 
