@@ -30,5 +30,5 @@ def check_size(size: float) -> None:
         raise InvalidInput(
             f"a rock {size:.3g} m large",
             f"rocks here are {SMALLEST_SIZE} to {LARGEST_SIZE:.0f} m",
-            "scale? lengths are in metres; rock.scale is 0.001 for a mesh in millimetres",
+            "scale? lengths are in metres, or rock.scale is 0.001 for a site's mesh in millimetres",
         )
