@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 
 from pipeline.config.outside import refused
 
-NOTES = ("", ".md", ".txt", ".json", ".pdf", ".png", ".jpg")
-"""Ends of names of files that are for people."""
+NOTES = (".md", ".txt", ".json", ".pdf", ".png", ".jpg")
+"""Ends of names of files that are for people, where no other end stands before."""
+
+_DEEP = ("*", "*/*", "*/*/*")
+"""How deep a folder is looked through."""
 
 
 def check_names(folder: Path, names: Iterable[str]) -> None:
@@ -48,8 +52,19 @@ def check_links(paths: Iterable[Path]) -> None:
 
 
 def unread(folder: Path, read: Iterable[Path]) -> Iterator[str]:
-    """Files but for notes that are not read, in words."""
-    known = {path.name for path in read}
-    for path in sorted(folder.iterdir()):
-        if path.suffix.lower() not in NOTES and path.name not in known:
-            yield f"{path.name} left out, as nothing reads a file of that name"
+    """Files but for notes and hidden ones that are not read, in a line."""
+    known = set(read)
+    names = [
+        path.relative_to(folder).as_posix()
+        for path in sorted(chain.from_iterable(map(folder.glob, _DEEP)))
+        if path not in known and not path.is_dir() and not _is_for_people(path)
+    ]
+    if names:
+        others = f" and {len(names) - 3} more" if len(names) > 4 else ""
+        shown = ", ".join(map(repr, names[:3] if others else names))
+        yield f"{shown}{others} left out, as nothing reads a file of that name there"
+
+
+def _is_for_people(path: Path) -> bool:
+    ends = path.suffixes
+    return path.name.startswith(".") or (len(ends) == 1 and ends[0].lower() in NOTES)

@@ -18,7 +18,7 @@ import re
 import stat
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
@@ -39,6 +39,7 @@ from pipeline.config.refusals import problem
 from pipeline.config.sections import Refused, Section
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.hdf5_heaps import damaged
+from vsr_core.motions.hdf5_parts import kept_elsewhere
 from vsr_core.motions.named_columns import is_cut
 
 LARGEST = 64 * 1024**2
@@ -149,29 +150,14 @@ def damaged_heap(path: Path) -> int | None:
 
 
 def check_hdf5(path: Path) -> None:
-    """Refuse a file that HDF5 would read for ever, or in which a link leads to another file.
-
-    That may change unseen, or be a pipe.
-    """
+    """Refuse a file that HDF5 would read for ever, or of which a part is kept in another."""
     at = damaged_heap(path)
     if at is not None:
         rule = "what is in it follows each other to its end"
         raise refused(path, f"heap at byte {at}", "a damaged one", rule, "copy it again")
-    if link := _link_of_hdf5(path):
-        rule, remedy = "all of it is in one file", "copy into it what the link leads to"
-        raise refused(path, link, "a link to another file", rule, remedy)
-
-
-def _link_of_hdf5(path: Path) -> str:
-    """Name of a link to another file; empty if there is none, or none that can be read."""
-    import h5py
-
-    def outside(name: bytes, link: Any) -> str | None:
-        return name.decode(errors="replace") if link.type == h5py.h5l.TYPE_EXTERNAL else None
-
-    with suppress(Exception), h5py.File(path) as file:  # what is damaged is told by what reads it
-        return file.id.links.visit(outside, info=True) or ""
-    return ""
+    if name := kept_elsewhere(path):
+        rule, remedy = "all of it is in one file", "copy into it what it leads to"
+        raise refused(path, name, "a part that is kept in another file", rule, remedy)
 
 
 def _unreadable(error: OSError) -> InvalidInput:

@@ -194,7 +194,7 @@ def _small(page: str) -> str:
     if found is None:
         drawing = _DRAWING.search(page)
         return drawing[1] if drawing and len(drawing[1]) < _LARGEST_DRAWING else ""
-    picture = Image.open(io.BytesIO(base64.b64decode(found[1])))
+    picture = Image.open(io.BytesIO(base64.b64decode(found[1])), formats=["png"])
     if picture.width * picture.height > _LARGEST_PICTURE:
         raise ValueError(f"{picture.width} x {picture.height} pixels")
     small = picture.convert("RGB")

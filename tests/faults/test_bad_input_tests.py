@@ -128,10 +128,8 @@ def test_files_that_are_not_read_are_named(folder: Path) -> None:
     for name in ("records (1).nc", "motions.cdf", "notes.txt"):
         (folder / name).write_text("")
     said = [line for line in remarks(folder, read_tests(folder)) if "nothing reads" in line]
-    assert said == [
-        f"{name} left out, as nothing reads a file of that name"
-        for name in ("motions.cdf", "records (1).nc")
-    ]
+    names = "'motions.cdf', 'records (1).nc'"
+    assert said == [f"{names} left out, as nothing reads a file of that name there"]
 
 
 def test_what_has_no_part_is_named(folder: Path) -> None:
@@ -152,11 +150,24 @@ def test_what_has_no_part_is_named(folder: Path) -> None:
 CUT = "1 test of records.nc ({}) begin or end at more than 60% of their peak: they may be cut"
 
 
-def test_a_pipe_behind_a_link_in_records_is_not_waited_for(folder: Path, refused: Refused) -> None:
-    os.mkfifo(folder / "other.hdf5")
+@pytest.mark.parametrize("how", ["link", "raw", "virtual"])
+def test_a_part_of_records_that_is_kept_in_another_file_is_not_waited_for(
+    folder: Path, refused: Refused, how: str
+) -> None:
+    """That may be a pipe."""
+    other = str(folder / "other.hdf5")
+    os.mkfifo(other)
     with h5py.File(folder / RECORDS, "r+") as file:
-        file["extra"] = h5py.ExternalLink(folder / "other.hdf5", "extra")
-    refused("run", "validation", "--table", folder, words=("extra", "a link to another file"))
+        if how == "link":
+            file["extra"] = h5py.ExternalLink(other, "extra")
+        elif how == "raw":
+            file.create_dataset("extra", (4,), "f8", external=[(other, 0, 32)])
+        else:
+            layout = h5py.VirtualLayout((4,), "f8")
+            layout[:] = h5py.VirtualSource(other, "extra", (4,))
+            file.create_virtual_dataset("extra", layout)
+    words = ("extra", "a part that is kept in another file")
+    refused("run", "validation", "--table", folder, words=words)
 
 
 def test_a_link_of_what_is_not_read_is_welcome(folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from array import array
@@ -14,6 +15,7 @@ import numpy as np
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions.hdf5_heaps import damaged
+from vsr_core.motions.hdf5_parts import kept_elsewhere
 
 _BRACKETS = re.compile(r"((?:.*[\])])?[^\[(\])]*)[\[(]([^\])]*)[\])]")
 """A name and its unit, in the last brackets. Each character is in one of its parts alone: 60,000
@@ -150,12 +152,16 @@ def of_netcdf(content: bytes) -> NetCDF:
     Raises
     ------
     InvalidInput
-        If it is no whole NetCDF, has groups, has no coordinate ``time``, or is of an older format.
+        If it is no whole NetCDF in one file, has groups, has no coordinate ``time``, or is of an
+        older format.
     """
     check_format(content)
     if damaged(content) is not None:
         given = "a NetCDF file with a damaged heap, which HDF5 may read for ever"
         raise InvalidInput(given, "it is whole", "write or download it again")
+    if name := kept_elsewhere(io.BytesIO(content)):
+        given = f"a NetCDF file with a part, {name}, that is kept in another file"
+        raise InvalidInput(given, "all of it is in one file", "copy into it what it leads to")
     try:
         with netCDF4.Dataset("motion.nc", memory=content) as data:
             return _along_time(data)

@@ -8,7 +8,8 @@ branches: the curve is the mean of the model.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,6 @@ from pipeline.config.paths import located
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.hazard import event_files, openquake
 from pipeline.stages.hazard.disaggregation import (
-    PATTERN,
     Disaggregation,
     disaggregation_files,
     load_disaggregation,
@@ -43,6 +43,9 @@ from vsr_core.hazard.events import Events
 
 ABOUT = "about.txt"
 """Text in a folder of curves that says where they come from; the page shows it."""
+
+OTHERS = ("quantile_*", "hazard_map-*", "hazard_uhs-*", "hazard_curve-*-SA(*", "SA*/curves.csv")
+"""What OpenQuake and nshmp-haz write besides, and nobody takes for curves of PGA or PGV."""
 
 NEARBY = 0.1
 """Degrees within which a disaggregation counts for a site: farther off are other earthquakes."""
@@ -86,8 +89,9 @@ def files(path: Path) -> list[Path]:
     """The files that decide what is read."""
     if path.is_file():
         return [path]
-    found = [*path.glob("*.csv"), *path.glob("*/curves.csv"), *path.glob(ABOUT)]
-    return sorted(one for one in found if one.is_file())
+    of_nshmp = [path / name / "curves.csv" for name in UNITS]
+    found = openquake.files(path) or of_nshmp
+    return [one for one in (*found, path / ABOUT) if one.is_file()]
 
 
 def about(path: Path) -> str:
@@ -145,7 +149,7 @@ class Curves(FilesInput):
 
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
-        return _digests(self.path, self.disaggregated, of_events=self.events is not None)
+        return _digests(_read(self.path, self.disaggregated, of_events=self.events is not None))
 
 
 def find(hazard: HazardConfig, origin: Origin) -> Curves:
@@ -172,52 +176,19 @@ def find(hazard: HazardConfig, origin: Origin) -> Curves:
         disaggregated = _located(origin, "disaggregation", hazard.disaggregation)
     elif path.is_dir() and disaggregation_files(path):
         disaggregated = path
-    before = _digests(path, disaggregated, of_events=hazard.events is not None)
+    read = _read(path, disaggregated, of_events=hazard.events is not None)
+    before = _digests(read)
     if hazard.events is not None:
         simulated = event_files.load(path, hazard.effective_time)
         found, events = simulated.model, simulated.events
-        found = replace(found, unused=(*found.unused, *_unread_of_events(path)))
     else:
         found, events = load(path), None
-        found = replace(found, unused=(*found.unused, *_nearly_of_pgv(path, found)))
-    unused = (*found.unused, *_nearly_disaggregations(path, disaggregated))
+    unused = (*found.unused, *_unread(path, disaggregated, read))
     if disaggregated is not None:
         of_earthquakes = load_disaggregation(disaggregated)
         _check_place(disaggregated, of_earthquakes.location, found.location)
         unused += of_earthquakes.unused + tuple(_other_rates(of_earthquakes, found))
     return Curves(path, before, found, events, disaggregated, about(path), unused)
-
-
-def _nearly_of_pgv(path: Path, model: HazardModel) -> Iterator[str]:
-    """Files that seem to be curves of PGV where none was found, in words."""
-    if not path.is_dir() or any(one.pgv for one in model.branches):
-        return
-    names = [
-        one.relative_to(path).as_posix()
-        for one in sorted({*path.glob("*.csv"), *path.glob("*/*.csv")})
-        if one.parent != path or not one.name.startswith(("hazard_curve-", "quantile_curve-"))
-    ]
-    if seem := [name for name in names if "pgv" in name.lower()]:
-        others = f" and {counted(len(seem) - 1, 'other')}" if len(seem) > 1 else ""
-        yield f"{seem[0]!r}{others} left out, as curves of PGV are named as those of PGA are"
-
-
-def _unread_of_events(path: Path) -> Iterator[str]:
-    """Files of a folder of events that are not read, in words; of those of OpenQuake's file none.
-
-    Those that are called as a disaggregation is, or nearly, are told of with it.
-    """
-    if path.is_dir():
-        others = (one for one in path.iterdir() if "mag_dist" in one.name.lower())
-        yield from unread(path, [*event_files.files(path), *others])
-
-
-def _nearly_disaggregations(path: Path, disaggregated: Path | None) -> Iterator[str]:
-    """Files that are called nearly as a disaggregation is, and not read, in words."""
-    for folder in dict.fromkeys(one for one in (path, disaggregated) if one and one.is_dir()):
-        for one in sorted(set(folder.glob("*.csv")) - set(disaggregation_files(folder))):
-            if "mag_dist" in one.name.lower():
-                yield f"{one.name} left out, as a disaggregation is named {PATTERN}"
 
 
 def _other_rates(of_earthquakes: Disaggregation, model: HazardModel) -> Iterator[str]:
@@ -253,12 +224,23 @@ def _check_place(
         raise refused(disaggregated, "lon, lat", given, rule, remedy)
 
 
-def _digests(path: Path, disaggregated: Path | None, *, of_events: bool) -> dict[str, str]:
-    """Digests of the files, by their names."""
+def _read(path: Path, disaggregated: Path | None, *, of_events: bool) -> list[Path]:
+    """The files of curves, or events, and of a disaggregation."""
     found = [*event_files.files(path), *path.glob(ABOUT)] if of_events else files(path)
-    if disaggregated is not None:
-        found += [one for one in disaggregation_files(disaggregated) if one not in found]
-    return {_name(path): digest_file(path) for path in found}
+    of_earthquakes = disaggregation_files(disaggregated) if disaggregated else []
+    return [*found, *(one for one in of_earthquakes if one not in found)]
+
+
+def _unread(path: Path, disaggregated: Path | None, read: list[Path]) -> Iterator[str]:
+    """What else is in the folders of them, in words, but for exports that have no part here."""
+    for folder in dict.fromkeys((path, disaggregated)):
+        if folder and folder.is_dir():
+            yield from unread(folder, [*read, *chain.from_iterable(map(folder.glob, OTHERS))])
+
+
+def _digests(paths: list[Path]) -> dict[str, str]:
+    """Digests of the files, by their names."""
+    return {_name(path): digest_file(path) for path in paths}
 
 
 def _name(path: Path) -> str:

@@ -21,7 +21,7 @@ from pydantic import Field, model_validator
 from pipeline.config.outside import SUM, Row, Share, checked, refused, rows, table, text
 from pipeline.config.sections import Refused
 from pipeline.stages.hazard.event_tables import Place
-from pipeline.stages.hazard.hazard_model import LEVELS, UNITS
+from pipeline.stages.hazard.hazard_model import LEVELS, UNITS, check_digits
 from pipeline.stages.hazard.openquake import YEARS, check_calculation
 from pipeline.workflow.grammar import counted, listed
 from vsr_core.arrays import Array
@@ -203,6 +203,8 @@ def _bins(path: Path) -> tuple[list[Bin], list[str]]:
         if row["imt"] == "PGA"
     ]
     found = rows(path, Bin, of_pga, once=("iml", "mag", "dist"))
+    if "OpenQuake" in first:  # which writes six digits
+        check_digits(path, [cell for row in of_pga for cell in row["shares"]])
     unused = [
         f"column {name} of {path.name} left out, as others count"
         for name in names

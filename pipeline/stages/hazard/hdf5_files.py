@@ -38,11 +38,8 @@ def content(data: Any, most: int) -> Any:
     Raises
     ------
     ValueError
-        of more of them, of longer ones than the file can hold, or of any that stand in other
-        files: where these are missing, HDF5 makes numbers up
+        of more of them, or of longer ones than the file can hold
     """
-    if data.is_virtual or data.external:
-        raise ValueError(f"{data.name[1:]} that stands in other files")
     if data.size > most:
         raise ValueError(f"{data.size:,} values of {data.name[1:]}, of at most {most:,}")
     with Path(data.file.filename).open("rb") as file:

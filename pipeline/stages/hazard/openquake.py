@@ -58,7 +58,6 @@ _KIND = re.compile(rf"(?:^[#\",\s]*(?={_KINDS}\s*,)|kind\s*=\s*['\"]*)([\w.-]+)"
 """What a curve is of, by name, or older: first of all, ``# rlz-000, investigation_time=50.0``."""
 
 _LEVEL = re.compile(r"([A-Za-z]\w*(?:\([^)]*\))?)-(.+)")
-_LIKE_ONE = re.compile(r"hazard_curve-.*-PG[AV].*", re.IGNORECASE)
 _PLACES = ("lon", "lat", "depth", "custom_site_id", "site_id")
 
 _MOST = 50_000_000
@@ -97,26 +96,25 @@ def is_there(folder: Path) -> bool:
     return any(_NAME.fullmatch(path.name) for path in folder.iterdir())
 
 
+def files(folder: Path) -> list[Path]:
+    """The files of curves of PGA and PGV, and of weights."""
+    return [*(path for path, _ in _named(folder)), *sorted(folder.glob(_WEIGHTS))]
+
+
 def load(folder: Path) -> HazardModel:
     """All realizations of a folder, or the mean curve where there are none."""
-    curves = _curves(folder)
-    read = [path for path, _ in curves.values()]
-    unused = [
-        f"{path.name} left out, as its name is of no mean and of no realization"
-        for path in sorted(folder.iterdir())
-        if _LIKE_ONE.fullmatch(path.name) and path not in read
-    ]
-    of_weights = sorted(folder.glob(_WEIGHTS))
+    curves, unused = _curves(folder), list[str]()
     if not any(measure == "PGA" for _, measure in curves):
         rule, remedy = "the probability of toppling is for PGA", "export the curves of PGA"
         raise refused(folder, "imt", "no curves of PGA", rule, remedy)
     if all(number == MEAN for number, _ in curves):
-        check_calculation(folder, read)
+        check_calculation(folder, (path for path, _ in curves.values()))
+        of_weights = sorted(folder.glob(_WEIGHTS))
         unused += [f"{path.name} left out, as the mean is the only curve" for path in of_weights]
         mean = Realization(rlz_id=MEAN, branch_path="the mean", weight=1.0)
         return model(folder, curves, [mean], *unused)
     weights = realizations(folder)
-    check_calculation(folder, [*read, *of_weights])
+    check_calculation(folder, files(folder))
     if {number for number, measure in curves if measure == "PGV"} == {MEAN}:
         unused.append("the mean curve of PGV left out, as no realization has one")
     numbers = {number for number, measure in curves if number != MEAN and measure == "PGA"}
@@ -256,16 +254,20 @@ def check_sites(path: Path, *counts: int) -> None:
 def _curves(folder: Path) -> dict[tuple[int, str], tuple[Path, GivenCurve]]:
     """Curves by number of the realization, or of the mean, and measure."""
     found: dict[tuple[int, str], tuple[Path, GivenCurve]] = {}
-    for path in sorted(folder.iterdir()):
-        name = _NAME.fullmatch(path.name)
-        if not name or name[3] not in UNITS:
-            continue
+    for path, name in _named(folder):
         key = MEAN if name[2] is None else int(name[2]), name[3]
         if key in found:
             given = f"the curve that is in {found[key][0].name} too"
             raise refused(path, "", given, "a folder holds one calculation", "remove one")
         found[key] = path, _curve(path, name[1], name[3])
     return found
+
+
+def _named(folder: Path) -> Iterator[tuple[Path, re.Match[str]]]:
+    """Files of curves of PGA and PGV, and what their names say."""
+    for path in sorted(folder.glob("hazard_curve-*.csv")):
+        if (name := _NAME.fullmatch(path.name)) and name[3] in UNITS:
+            yield path, name
 
 
 def _curve(path: Path, kind: str, measure: str) -> GivenCurve:

@@ -317,8 +317,16 @@ def png(width: int, height: int, more: bytes = b"") -> str:
     return base64.b64encode(content).decode()
 
 
+def gif() -> str:
+    """A picture of another kind than its page says; to read some kinds a program is started."""
+    content = io.BytesIO()
+    Image.new("RGB", (9, 9)).save(content, "gif")
+    return base64.b64encode(content.getvalue()).decode()
+
+
 @pytest.mark.parametrize(
-    "content", [png(30_000, 30_000), png(13_000, 13_000), png(9, 9, b"\0\0\0\5IDATxx"), "!!!"]
+    "content",
+    [png(30_000, 30_000), png(13_000, 13_000), png(9, 9, b"\0\0\0\5IDATxx"), gif(), "!!!"],
 )
 def test_a_page_whose_picture_is_none_is_left_out_and_named(
     results: Path, capsys: pytest.CaptureFixture[str], content: str

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import h5py
 import netCDF4
 import numpy as np
 import pytest
@@ -361,6 +362,21 @@ def test_a_damaged_heap_is_refused_before_it_is_read(
     path.write_bytes(content)
     refusal(lambda: read(bytes(content), ".nc", PLAIN), "a damaged heap")
     assert damaged_heap(path) == content.index(b"GCOL")
+
+
+@pytest.mark.parametrize("virtual", [False, True])
+def test_numbers_that_another_file_holds_are_refused(tmp_path: Path, virtual: bool) -> None:
+    """It may change, and no key would tell."""
+    path, other = tmp_path / "one.nc", str(tmp_path / "other")
+    files.netcdf(path, VALUES, STEP, "m/s2")
+    with h5py.File(path, "r+") as file:
+        if virtual:
+            layout = h5py.VirtualLayout((4,), "f8")
+            layout[:] = h5py.VirtualSource(other, "x", (4,))
+            file.create_virtual_dataset("x", layout)
+        else:
+            file.create_dataset("x", (4,), "f8", external=[(other, 0, 32)])
+    refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), "x, that is kept in another file")
 
 
 def test_unknown_format_is_refused() -> None:

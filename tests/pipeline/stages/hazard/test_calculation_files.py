@@ -171,9 +171,9 @@ DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
     "none": (lambda file: put(file, CURVES, np.full((1, 2, 3, 3), np.nan)), "got nan"),
     "below 0": (lambda file: put(file, CURVES, -file[CURVES][...]), "values.0: got -0.6"),
     "four terabytes": (lambda file: bomb(file), "values of hcurves"),
-    "weights of another file": (lambda file: elsewhere(file), "weights that stands in other"),
-    "weights in raw bytes": (lambda file: outside(file), "weights that stands in other"),
-    "a link to a pipe": (lambda file: linked(file), "weights: got a link to another file"),
+    "weights of another file": (lambda file: elsewhere(file), "weights: got a part that is kept"),
+    "weights in raw bytes": (lambda file: outside(file), "weights: got a part that is kept"),
+    "a link to a pipe": (lambda file: linked(file), "weights: got a part that is kept"),
     "more levels than read": (lambda file: full(file, 10_000, 501), "5,010,000 values of PGA"),
     "no weights": (lambda file: put(file, "weights", np.zeros(0)), "individual_rlzs"),
     "negative weights": (lambda file: put(file, "weights", [-0.5, 1.5]), "weight: got -0.5"),
@@ -345,8 +345,8 @@ def test_a_disaggregation_is_read(tmp_path: Path) -> None:
     path.write_text(
         "#,,,,,\"generated_by='OpenQuake engine 3.26.2', investigation_time=1.0\"\n"
         "imt,iml,poe,mag,dist,mean\n"
-        "PGA,0.5,4e-4,5.5,10.0,3e-4\nPGA,0.5,4e-4,7.0,10.0,1e-4\n"
-        "PGA,0.2,nan,5.5,10.0,1e-3\nPGA,0.2,nan,7.0,10.0,1e-3\n"
+        "PGA,0.5,4e-4,5.5,10.0,3.00000E-04\nPGA,0.5,4e-4,7.0,10.0,1.00000E-04\n"
+        "PGA,0.2,nan,5.5,10.0,1.00000E-03\nPGA,0.2,nan,7.0,10.0,1.00000E-03\n"
         "PGV,9.0,1e-2,7.0,10.0,1e-3\n",
         encoding="utf-8",
     )
@@ -387,6 +387,17 @@ def test_a_disaggregation_that_is_cut_after_a_row_is_refused(tmp_path: Path) -> 
     text = "#,,\"generated_by='OpenQuake'\"\nimt,iml,poe,mag,dist,mean\nPGA,0.5,1e-3,5.5,10,0.3"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match="a last line without its end"):
+        load_disaggregation(path)
+
+
+def test_a_disaggregation_that_a_spreadsheet_rounded_is_refused(tmp_path: Path) -> None:
+    """Of few decimals most are lost."""
+    first = "generated_by='OpenQuake engine 3.16'"
+    rare = [4.12e-4, 3.49e-5, 2.63e-5, 1.08e-5]
+    path = disaggregated(tmp_path, {"mean": rare}, first)
+    assert shares(path)[0] == pytest.approx(4.12 / 4.84)
+    disaggregated(tmp_path, {"mean": [round(share, 5) for share in rare]}, first)
+    with pytest.raises(InputError, match="2 of 3 different values with one digit only"):
         load_disaggregation(path)
 
 
@@ -558,7 +569,9 @@ def test_disaggregations_of_two_places_or_calculations_are_refused(
     assert str(error.value).count("\n") == 0
 
 
-@pytest.mark.parametrize("name", ["Mag_Dist.csv", "rlz-0-PGA-sid-0-poe-0_Mag_Dist_1.csv"])
+@pytest.mark.parametrize(
+    "name", ["Mag_Dist.csv", "rlz-0-PGA-sid-0-poe-0_Mag_Dist_1.csv", "Mag_Dist-mean-0_1.CSV"]
+)
 def test_a_disaggregation_of_another_name_is_told(tmp_path: Path, name: str) -> None:
     """Beside curves, where PGV/PGA would be another without it."""
     for path in MADE_UP.glob("*.csv"):
@@ -568,8 +581,8 @@ def test_a_disaggregation_of_another_name_is_told(tmp_path: Path, name: str) -> 
     site = load_site("double_rock", None, given)
     found = curve_folder.find(site.config.hazard, site)
     assert found.disaggregated is None
-    told = f"{name} left out, as a disaggregation is named Mag_Dist-*.csv"
-    assert [line for line in found.unused if "disaggregation" in line] == [told]
+    told = f"{name!r} left out, as nothing reads a file of that name there"
+    assert [line for line in found.unused if "nothing reads" in line] == [told]
 
 
 @pytest.mark.parametrize("name", ["PGV/{}", "curve-{}"])
@@ -581,22 +594,28 @@ def test_curves_of_pgv_of_another_name_or_place_are_told(tmp_path: Path, name: s
         shutil.copy(path, tmp_path / new)
     given = (f"hazard.curves={tmp_path}", "hazard.age={kind: normal, mean: 5000}")
     site = load_site("double_rock", None, given)
-    first = name.format("hazard_curve-mean-PGV_1.csv")
+    first = ("mean", "rlz-000", "rlz-001")
+    shown = ", ".join(repr(name.format(f"hazard_curve-{one}-PGV_1.csv")) for one in first)
     assert [one for one in curve_folder.find(site.config.hazard, site).unused if "PGV" in one] == [
-        f"'{first}' and 9 others left out, as curves of PGV are named as those of PGA are"
+        f"{shown} and 7 more left out, as nothing reads a file of that name there"
     ]
 
 
-@pytest.mark.parametrize("name", ["pgv/curves.csv", "PGV/Curves.csv", "PGV.csv"])
+@pytest.mark.parametrize(
+    "name",
+    ["pgv/curves.csv", "PGV/Curves.csv", "PGV.csv", "PGV/curves.csv.txt", "PGV/total/curves.csv"],
+)
 def test_a_curve_of_pgv_of_nshmp_of_another_name_is_told(tmp_path: Path, name: str) -> None:
     path = nshmp(tmp_path)
     of_pga = path / "PGA" / "curves.csv"
-    (path / name).parent.mkdir(exist_ok=True)
+    (path / name).parent.mkdir(exist_ok=True, parents=True)
     shutil.copy(of_pga, path / name)
     given = (f"hazard.curves={path}", "hazard.age={kind: normal, mean: 5000}")
     site = load_site("double_rock", None, given)
-    (told,) = (one for one in curve_folder.find(site.config.hazard, site).unused if "PGV" in one)
-    assert told == f"'{name}' left out, as curves of PGV are named as those of PGA are"
+    (told,) = (
+        one for one in curve_folder.find(site.config.hazard, site).unused if "PGV" in one.upper()
+    )
+    assert told == f"'{name}' left out, as nothing reads a file of that name there"
 
 
 def test_no_disaggregation_is_refused(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from pipeline import ROOT
+from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.hazard import curve_folder
 from tests.support.bad_input import bounded
@@ -283,8 +284,10 @@ def test_curves_that_are_left_out_are_named(tmp_path: Path) -> None:
     shipped(tmp_path)
     again = f"{FIRST[:-4]} (1).csv"
     shutil.copy(tmp_path / FIRST, tmp_path / again)
-    said = f"{again} left out, as its name is of no mean and of no realization"
-    assert curve_folder.load(tmp_path).unused[0] == said
+    given = (f"hazard.curves={tmp_path}", "hazard.age={kind: normal, mean: 5000}")
+    site = load_site("double_rock", None, given)
+    said = f"'{again}' left out, as nothing reads a file of that name there"
+    assert said in curve_folder.find(site.config.hazard, site).unused
     (tmp_path / again).unlink()
     for path in tmp_path.glob("*-rlz-*PGV*"):
         path.unlink()

@@ -221,7 +221,7 @@ def test_ruptures_of_another_name_are_told(tmp_path: Path, name: str) -> None:
     given = ("hazard.curves=null", *events, age)
     site = load_site("double_rock", None, given)
     told = [line for line in curve_folder.find(site.config.hazard, site).unused if "name" in line]
-    assert told == [f"{name} left out, as nothing reads a file of that name"]
+    assert told == [f"{name!r} left out, as nothing reads a file of that name there"]
 
 
 def test_fields_without_rows_are_refused_and_a_strange_column_is_named(tmp_path: Path) -> None:
