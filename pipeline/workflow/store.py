@@ -76,10 +76,10 @@ class Note(BaseModel):
     model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
     stage: str
-    runs: int = Field(ge=0)
-    seconds: float = Field(ge=0)
-    cpu_seconds: float = Field(ge=0)
-    workers: int = Field(ge=-1)
+    runs: int = Field(ge=0, le=10**15)
+    seconds: float = Field(ge=0, le=1e15)
+    cpu_seconds: float = Field(ge=0, le=1e15)
+    workers: int = Field(ge=-1, le=10**15)
 
 
 def read_manifest(path: Path, *, changed: bool = False) -> dict[str, Any] | None:

@@ -82,12 +82,12 @@ def test_cut_products_are_noticed_and_made_again(
 
 NOTE = {"runs": 12, "seconds": 0.5, "cpu_seconds": 0.25, "workers": 2}
 LINE = json.dumps({"stage": "runs", **NOTE})
-ODD = (None, [1], "12", -2, math.nan)
+ODD = (None, [1], "12", -2, math.nan, 10**309)
 
 
 @pytest.mark.parametrize("name", NOTE)
 def test_damaged_line_of_the_log_is_passed_over(tmp_path: Path, name: str) -> None:
-    """Each key by one letter, and each value; no number is NaN or so negative."""
+    """Each key by one letter, and each value; no number is NaN, or so negative or large."""
     damaged = [LINE.replace(f'"{name}":', f'"{chr(ord(name[0]) ^ 1)}{name[1:]}":')]
     damaged += [json.dumps({"stage": "runs", **NOTE, name: odd}) for odd in ODD]
     for line in (*damaged, "[]", "7", LINE.replace("12", "12,"), "[" * 10**5):
