@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from statistics import median_low
 from typing import TypeVar
 
 from pydantic import Field
@@ -22,6 +23,11 @@ from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.problems import InputError, Problem
 
 Dated = TypeVar("Dated", HazardRock, EarlierStage)
+
+
+OLDEST = 100.0
+"""How many times as old as the median sample the oldest may be: far more than any method leaves
+open."""
 
 
 class DatedSample(Row):
@@ -78,6 +84,9 @@ def samples(path: Path) -> tuple[float, ...]:
         rule = f"some are of {YOUNGEST} years or more; fewer are thousands of years"
         given = f"ages up to {max(ages):g}"
         raise refused(path, "age_a", given, rule, "give years, or values in place of the file")
+    if max(ages) > OLDEST * median_low(ages):
+        given, rule = f"{max(ages):g}", f"it is at most {OLDEST:g} times the median"
+        raise refused(path, "age_a", given, rule, "correct it: two ages may stand in one line")
     if more := [name for name in cells[0] if name != "age_a"]:
         rule, remedy = "samples are equally likely, in a column age_a alone", "draw by the weights"
         raise refused(path, more[0], "another column", rule, f"{remedy}, or leave it out")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.config.outside import refused
 
-NOTES = (".md", ".txt", ".json", ".pdf", ".png", ".jpg")
+NOTES = (".md", ".pdf", ".png", ".jpg")
 """Ends of names of files that are for people, where no other end stands before."""
 
 _DEEP = ("*", "*/*", "*/*/*")

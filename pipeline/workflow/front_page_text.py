@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
+import json
 import re
 import time
 from collections.abc import Callable, Iterable
@@ -98,7 +99,7 @@ class _Reader:
         manifests = [
             manifest
             for path in sorted((folder / ".stages").glob("*.json"))
-            if (manifest := self._taken(path, read_manifest)) is not None
+            if (manifest := self._taken(path, _manifest)) is not None
         ]
         made = {name for one in manifests for name in one["files"]}
         stale = {
@@ -159,6 +160,13 @@ def _in_order(names: Iterable[str]) -> list[str]:
     shown = [name for product in DELIVERABLES.values() for name in product.shown]
     rank = {name: place for place, name in reversed(list(enumerate(shown)))}
     return sorted(names, key=lambda name: (rank.get(name, len(shown)), name))
+
+
+def _manifest(path: Path) -> dict[str, Any] | None:
+    """What a manifest says, all of which can be written to a page."""
+    found = read_manifest(path)
+    json.dumps(found, ensure_ascii=False).encode()
+    return found
 
 
 def _page(path: Path) -> dict[str, str]:

@@ -124,11 +124,11 @@ def test_assumptions_that_say_nothing(folder: Path, refused: Refused) -> None:
 
 
 def test_files_that_are_not_read_are_named(folder: Path) -> None:
-    """A second download beside its first, and motions under a name of their own."""
-    for name in ("records (1).nc", "motions.cdf", "notes.txt"):
+    """A second download, motions under a name of their own, assumptions that an editor renamed."""
+    for name in ("records (1).nc", "motions.cdf", "table.txt", "notes.md"):
         (folder / name).write_text("")
     said = [line for line in remarks(folder, read_tests(folder)) if "nothing reads" in line]
-    names = "'motions.cdf', 'records (1).nc'"
+    names = "'motions.cdf', 'records (1).nc', 'table.txt'"
     assert said == [f"{names} left out, as nothing reads a file of that name there"]
 
 

@@ -736,6 +736,7 @@ def test_a_rock_that_came_out_of_the_ground(
         ("age_ka\n2.5\n", (), ("ages.csv", "age_a", "no such column")),
         ("age_a\n", (), ("ages.csv", "0 rows")),
         ("age_a\n2.5\n3.1\n", (), ("ages.csv", "age_a", "ages up to 3.1", "thousands")),
+        ("age_a\n3000\n33002900\n", (), ("ages.csv", "age_a", "got 3.30029e+07", "in one line")),
         ("age_a\n900\n800\n", (), ("hazard.history", "in their order in 0 of 2 draws")),
         (None, (), ("ages.csv",)),
         ("age_a\n5000\n", ("hazard.age.values=[5000]",), ("hazard.age", "both")),

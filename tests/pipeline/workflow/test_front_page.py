@@ -224,6 +224,7 @@ MANIFESTS = {
     "files in a list": manifest_text(GOOD | {"files": ["a"]}),
     "no checksum": manifest_text(GOOD | {"files": {"report.html": ["x"]}}),
     "deep": "[" * 100_000,
+    "half a character": manifest_text(GOOD | {"stale": "\ud800"}),
     "no text": b"\xff\xfe",
     "a file elsewhere": manifest_text(GOOD | {"files": {"/etc/passwd.html": "x"}}),
     "a file above": manifest_text(GOOD | {"files": {"../../secret.html": "x"}}),

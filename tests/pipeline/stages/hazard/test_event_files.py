@@ -211,9 +211,12 @@ def test_a_file_that_is_missing_or_there_twice_is_named(tmp_path: Path, name: st
         event_files.load(tmp_path, None)
 
 
-@pytest.mark.parametrize("name", ["Ruptures_5.csv", "rupture_5.csv", "ruptures_5 (1).csv"])
+@pytest.mark.parametrize(
+    "name",
+    ["Ruptures_5.csv", "rupture_5.csv", "ruptures_5 (1).csv", "ruptures_5.txt", "br\udcfcche.csv"],
+)
 def test_ruptures_of_another_name_are_told(tmp_path: Path, name: str) -> None:
-    """Without them nothing is known of magnitudes."""
+    """Without them nothing is known of magnitudes; a name may be in no UTF-8."""
     (written(tmp_path) / "ruptures_5.csv").rename(tmp_path / name)
     (tmp_path / "about.txt").write_text("a note")
     age = "hazard.age={kind: normal, mean: 5000}"
