@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 from pipeline.config.layers import Site, layers_of, load_site
+from pipeline.config.motion_schema import PULSES
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.slips import warnings
 from pipeline.config.sweep import Sweep, load_sweep
@@ -70,6 +72,7 @@ def _settings(given: dict[str, Any]) -> tuple[str, ...]:
         If one is given by both.
     """
     found = list(given["settings"])
+    _check_set_once(given["settings"])
     _check_given_once(given)
     for one, other in (("curves", "events"), ("events", "curves")):
         if given.get(one) is not None:
@@ -81,6 +84,29 @@ def _settings(given: dict[str, Any]) -> tuple[str, ...]:
     elif given.get("age_sd") is not None:
         found.append(f"hazard.age.sd={in_yaml(given['age_sd'])}")
     return tuple(found)
+
+
+def _check_set_once(settings: Iterable[str]) -> None:
+    """Refuse a setting that a later one replaces, as it would be dropped."""
+    known: list[tuple[str, ...]] = []
+    for layer in layers_of(settings):
+        set_to = list(_set_to(layer, ()))
+        for key, before in product(set_to, known):
+            if before[: len(key)] == key:
+                said, rule = f"{'.'.join(before)} before it", "no setting replaces another"
+                remedy = "leave one out, or set the whole before its parts"
+                raise InputError(Problem("--set", ".".join(key), said, rule, remedy))
+        known += set_to
+
+
+def _set_to(layer: dict[str, Any], above: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    """Keys of which nothing stays that was said before, as of a section of another kind."""
+    for name, value in layer.items():
+        key = (*above, str(name))
+        if not isinstance(value, dict) or value.get("kind", PULSES[0]) not in PULSES:
+            yield key
+        if isinstance(value, dict):
+            yield from _set_to(value, key)
 
 
 def _check_given_once(given: dict[str, Any]) -> None:

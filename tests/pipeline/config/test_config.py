@@ -286,6 +286,12 @@ def test_problem_names_the_layer_it_came_from(
             "processing: {order: none, highpass: null, lowpass: null}}",
             ("motion.unit", "no unit goes with it", "leave out motion.unit"),
         ),
+        ("yaw=30 yaw=60", ("--set: yaw: got yaw before it", "no setting replaces another")),
+        ("motion.pga.num=3 motion.pga=[0.1]", ("motion.pga: got motion.pga.num before it",)),
+        (
+            "motion.pga=0.3 motion={kind: record, files: a.mseed}",
+            ("--set: motion: got motion.pga before it", "set the whole before its parts"),
+        ),
         ("motion.files=a", ("motion.files", "only motion.kind record, table has this key")),
     ],
 )
