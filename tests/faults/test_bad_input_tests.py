@@ -17,7 +17,9 @@ from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.stages.studies.validation.recorded_tests import (
     OUTCOMES,
     RECORDS,
+    Folder,
     assumptions,
+    find,
     scan,
     site_of,
 )
@@ -128,6 +130,8 @@ def test_files_that_are_not_read_are_named(folder: Path) -> None:
     for name in ("records (1).nc", "motions.cdf", "table.txt", "notes.md"):
         (folder / name).write_text("")
     said = [line for line in remarks(folder, read_tests(folder)) if "nothing reads" in line]
+    alone = Folder(folder, ()).digests()
+    assert find(site_of(folder)).digests().keys() - alone.keys() == set(said)  # it is told of anew
     names = "'motions.cdf', 'records (1).nc', 'table.txt'"
     assert said == [f"{names} left out, as nothing reads a file of that name there"]
 

@@ -133,7 +133,8 @@ class Curves(FilesInput):
     ----------
     events : Events, where they are what the curves are of
     disaggregated : Path, of the disaggregation, if there is one
-    unused : what else the files hold, in words
+    unread : other files of the folders, in words, so that one is told of when it comes
+    unused : what else files and folders hold, in words
     """
 
     path: Path
@@ -142,6 +143,7 @@ class Curves(FilesInput):
     events: Events | None
     disaggregated: Path | None
     about: str
+    unread: tuple[str, ...]
     unused: tuple[str, ...]
 
     def files_read(self) -> tuple[Path, ...]:
@@ -149,7 +151,8 @@ class Curves(FilesInput):
 
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
-        return _digests(_read(self.path, self.disaggregated, of_events=self.events is not None))
+        read = _read(self.path, self.disaggregated, of_events=self.events is not None)
+        return _digests(read, self.unread)
 
 
 def find(hazard: HazardConfig, origin: Origin) -> Curves:
@@ -177,18 +180,19 @@ def find(hazard: HazardConfig, origin: Origin) -> Curves:
     elif path.is_dir() and disaggregation_files(path):
         disaggregated = path
     read = _read(path, disaggregated, of_events=hazard.events is not None)
-    before = _digests(read)
+    others = tuple(_unread(path, disaggregated, read))
+    before = _digests(read, others)
     if hazard.events is not None:
         simulated = event_files.load(path, hazard.effective_time)
         found, events = simulated.model, simulated.events
     else:
         found, events = load(path), None
-    unused = (*found.unused, *_unread(path, disaggregated, read))
+    unused = (*found.unused, *others)
     if disaggregated is not None:
         of_earthquakes = load_disaggregation(disaggregated)
         _check_place(disaggregated, of_earthquakes.location, found.location)
         unused += of_earthquakes.unused + tuple(_other_rates(of_earthquakes, found))
-    return Curves(path, before, found, events, disaggregated, about(path), unused)
+    return Curves(path, before, found, events, disaggregated, about(path), others, unused)
 
 
 def _other_rates(of_earthquakes: Disaggregation, model: HazardModel) -> Iterator[str]:
@@ -238,9 +242,9 @@ def _unread(path: Path, disaggregated: Path | None, read: list[Path]) -> Iterato
             yield from unread(folder, [*read, *chain.from_iterable(map(folder.glob, OTHERS))])
 
 
-def _digests(paths: list[Path]) -> dict[str, str]:
+def _digests(paths: list[Path], unread: tuple[str, ...]) -> dict[str, str]:
     """Digests of the files, by their names."""
-    return {_name(path): digest_file(path) for path in paths}
+    return {_name(path): digest_file(path) for path in paths} | dict.fromkeys(unread, "told")
 
 
 def _name(path: Path) -> str:

@@ -97,8 +97,9 @@ def is_there(folder: Path) -> bool:
 
 
 def files(folder: Path) -> list[Path]:
-    """The files of curves of PGA and PGV, and of weights."""
-    return [*(path for path, _ in _named(folder)), *sorted(folder.glob(_WEIGHTS))]
+    """The files of curves of PGA and PGV, and of their weights."""
+    curves = [path for path, _ in _named(folder)]
+    return [*curves, *sorted(folder.glob(_WEIGHTS))] if curves else []
 
 
 def load(folder: Path) -> HazardModel:

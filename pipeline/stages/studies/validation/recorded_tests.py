@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from pipeline.config import in_si
-from pipeline.config.folder_names import check_links, check_names
+from pipeline.config.folder_names import check_links, check_names, unread
 from pipeline.config.layers import Origin, Site, load_file
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located, shown
@@ -129,13 +129,15 @@ def site_of(folder: Path) -> Site:
 
 @dataclass(frozen=True)
 class Folder(Input):
-    """A folder of tests, and the files in it that count."""
+    """A folder of tests, the files in it that count, and others, which are told, in words."""
 
     path: Path
+    unread: tuple[str, ...]
 
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
-        return {path.name: digest_file(path) for path in files_of(self.path) if path.is_file()}
+        found = {path.name: digest_file(path) for path in files_of(self.path) if path.is_file()}
+        return found | dict.fromkeys(self.unread, "told")
 
 
 def files_of(folder: Path) -> list[Path]:
@@ -145,7 +147,7 @@ def files_of(folder: Path) -> list[Path]:
 
 def find(origin: Origin) -> Folder:
     """The tests that a site stands for."""
-    return Folder(origin.folder)
+    return Folder(origin.folder, tuple(unread(origin.folder, files_of(origin.folder))))
 
 
 def scans_in(folder: Path) -> dict[int, Path]:

@@ -581,6 +581,9 @@ def test_a_disaggregation_of_another_name_is_told(tmp_path: Path, name: str) -> 
     site = load_site("double_rock", None, given)
     found = curve_folder.find(site.config.hazard, site)
     assert found.disaggregated is None
+    (tmp_path / name).unlink()
+    before = curve_folder.find(site.config.hazard, site).digests()
+    assert found.digests() != before  # where it is added later, it is told of as well
     told = f"{name!r} left out, as nothing reads a file of that name there"
     assert [line for line in found.unused if "nothing reads" in line] == [told]
 

@@ -352,6 +352,34 @@ def test_curves_of_two_programs_in_one_folder_are_refused(tmp_path: Path) -> Non
         curve_folder.load(tmp_path)
 
 
+@pytest.mark.parametrize("program", ["OpenQuake", "nshmp-haz"])
+def test_what_is_read_is_in_the_key_and_other_files_are_named(tmp_path: Path, program: str) -> None:
+    """With what the other program leaves beside it."""
+    if program == "OpenQuake":
+        shipped(tmp_path)
+        others = "SA0P2/curves.csv", "PGV.csv"
+    else:
+        nshmp(tmp_path, "0.11,0.021,0.0031,0.00041")
+        others = "realizations_1.csv", "hazard_curve-rlz-000-SA(0.2)_1.csv", "PGV.csv"
+    own = {path.relative_to(tmp_path) for path in tmp_path.glob("**/*.csv")}
+    for name in (*others, "about.txt"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("a note\n")
+    given = (f"hazard.curves={tmp_path}", "hazard.age={kind: normal, mean: 5000}")
+    site = load_site("double_rock", None, given)
+    found = curve_folder.find(site.config.hazard, site)
+    before, read = found.digests(), set()
+    for path in (one for one in tmp_path.glob("**/*") if one.is_file()):
+        content = path.read_bytes()
+        path.write_bytes(content + b"\n")
+        if found.digests() != before:
+            read.add(path.relative_to(tmp_path))
+        path.write_bytes(content)
+    assert read == own | {Path("about.txt")}
+    named = ", ".join(repr(name) for name in sorted(others) if "SA" not in name)
+    assert found.unread == (f"{named} left out, as nothing reads a file of that name there",)
+
+
 @pytest.mark.parametrize("link", ["PGV", "PGV/curves.csv"])
 def test_curves_of_pgv_behind_a_link_that_leads_nowhere(tmp_path: Path, link: str) -> None:
     """As of a disk that is not there: without it PGV/PGA is not that of the site."""
