@@ -56,6 +56,12 @@ def _beside_zero(values: Values) -> bool:
 NO_SLIDING = 10.0
 """The friction that stands for no sliding."""
 
+_AGES = " ".join(
+    f"{age}.{name}"
+    for age in ("hazard.age", "hazard.history.until", "hazard.rocks.age")
+    for name in ("mean", "median", "low", "values")
+)
+
 SLIPS = (
     Slip("yaw", _in_a_turn, "yaw is in degrees", "radians? write 45 for 0.785"),
     Slip(
@@ -119,15 +125,12 @@ SLIPS = (
         "the corner is a frequency in Hz, usually above 10",
         "a period in seconds? write 25 for 0.04 s",
     ),
+    Slip(_AGES, _below(YOUNGEST), "ages are in years", "thousands of years? write 20000 for 20 ka"),
     Slip(
-        " ".join(
-            f"{age}.{name}"
-            for age in ("hazard.age", "hazard.history.until", "hazard.rocks.age")
-            for name in ("mean", "median", "low", "values")
-        ),
-        _below(YOUNGEST),
-        "ages are in years",
-        "thousands of years? write 20000 for 20 ka",
+        _AGES,
+        _above(1e6),
+        "rocks that may topple stand for less than a million years",
+        "two ages in one line? correct it",
     ),
 )
 

@@ -24,6 +24,9 @@ from pipeline.workflow.products import DELIVERABLES, GRIDDED
 from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import Store
 
+Parts = tuple[str, ...]
+"""Of a dotted key."""
+
 
 def check_asked(stage: str, job: Job) -> None:
     """Refuse an ensemble where nothing is drawn, and observations where there are none."""
@@ -72,7 +75,7 @@ def _settings(given: dict[str, Any]) -> tuple[str, ...]:
         If one is given by both.
     """
     found = list(given["settings"])
-    _check_set_once(given["settings"])
+    _check_set_once(found)
     _check_given_once(given)
     for one, other in (("curves", "events"), ("events", "curves")):
         if given.get(one) is not None:
@@ -88,40 +91,46 @@ def _settings(given: dict[str, Any]) -> tuple[str, ...]:
 
 def _check_set_once(settings: Iterable[str]) -> None:
     """Refuse a setting that a later one replaces, as it would be dropped."""
-    known: list[tuple[str, ...]] = []
+    known: list[Parts] = []
     for layer in layers_of(settings):
-        set_to = list(_set_to(layer, ()))
-        for key, before in product(set_to, known):
-            if before[: len(key)] == key:
+        values = [key for key, _ in _values(layer)]
+        for key, before in product([*values, *_of_another_kind(layer)], known):
+            if all(one == other for one, other in zip(key, before, strict=False)):
                 said, rule = f"{'.'.join(before)} before it", "no setting replaces another"
                 remedy = "leave one out, or set the whole before its parts"
                 raise InputError(Problem("--set", ".".join(key), said, rule, remedy))
-        known += set_to
+        known += values
 
 
-def _set_to(layer: dict[str, Any], above: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-    """Keys of which nothing stays that was said before, as of a section of another kind."""
+def _values(layer: dict[str, Any], above: Parts = ()) -> Iterator[tuple[Parts, Any]]:
+    """What a layer sets, sections by their keys."""
     for name, value in layer.items():
         key = (*above, str(name))
-        if not isinstance(value, dict) or value.get("kind", PULSES[0]) not in PULSES:
-            yield key
+        yield from _values(value, key) if isinstance(value, dict) else [(key, value)]
+
+
+def _of_another_kind(layer: dict[str, Any], above: Parts = ()) -> Iterator[Parts]:
+    """Sections of which nothing stays that was said of another kind."""
+    for name, value in layer.items():
         if isinstance(value, dict):
-            yield from _set_to(value, key)
+            if value.get("kind", PULSES[0]) not in PULSES:
+                yield (*above, str(name))
+            yield from _of_another_kind(value, (*above, str(name)))
 
 
 def _check_given_once(given: dict[str, Any]) -> None:
     """Refuse a setting that an option stands over, as it would be dropped."""
-    set_to: dict[str, Any] = {}
-    for layer in layers_of(given["settings"]):
-        if isinstance(section := layer.get("hazard"), dict):
-            set_to |= section
-    over = {"curves": ("curves", "events"), "events": ("curves", "events"), "age": ("age",)}
-    for option, keys in over.items():
+    values = (one for layer in layers_of(given["settings"]) for one in _values(layer))
+    known = [".".join(key) for key, value in values if value is not None]
+    either = ("hazard.curves", "hazard.events")
+    age = {"age": ("hazard.age",), "age_sd": ("hazard.age.sd",)}
+    for option, keys in ({"curves": either, "events": either} | age).items():
         for key in keys if given.get(option) is not None else ():
-            if set_to.get(key) is not None:
-                said, rule = f"--set hazard.{key} beside it", "one of them is given"
-                remedy = f"leave out --{option}, or --set hazard.{key}"
-                raise InputError(Problem(f"--{option}", f"hazard.{key}", said, rule, remedy))
+            if any(f"{one}.".startswith(f"{key}.") for one in known):
+                option = option.replace("_", "-")
+                said, rule = f"--set {key} beside it", "one of them is given"
+                remedy = f"leave out --{option}, or --set {key}"
+                raise InputError(Problem(f"--{option}", key, said, rule, remedy))
 
 
 def sweep_of(options: argparse.Namespace) -> Sweep | None:

@@ -14,6 +14,7 @@ import trimesh
 import xarray as xr
 
 from pipeline.config.priors_schema import ShakeTableConfig
+from pipeline.config.problems import InputError
 from pipeline.stages.studies.validation.recorded_tests import (
     OUTCOMES,
     RECORDS,
@@ -134,6 +135,31 @@ def test_files_that_are_not_read_are_named(folder: Path) -> None:
     assert find(site_of(folder)).digests().keys() - alone.keys() == set(said)  # it is told of anew
     names = "'motions.cdf', 'records (1).nc', 'table.txt'"
     assert said == [f"{names} left out, as nothing reads a file of that name there"]
+
+
+def test_which_of_several_accelerations_counts_is_told(folder: Path) -> None:
+    """A name that is spelt otherwise is no name of the merged one."""
+    made = records()
+    for name, counts in (("acceleration_merged", True), ("Acceleration_merged", False)):
+        made.assign({name: made["acceleration"]}).to_netcdf(folder / RECORDS)
+        one, other = (name, "acceleration") if counts else ("acceleration", name)
+        told = f"{other} of records.nc left out, as {one} counts"
+        assert told in list(remarks(folder, read_tests(folder)))
+
+
+@pytest.mark.parametrize("name", ["ground_motion", "series", "azimuth_deg"])
+def test_a_blank_in_a_column_that_groups_tests_is_refused(folder: Path, name: str) -> None:
+    """As merged cells of a spreadsheet leave in all rows but the first."""
+    path = folder / OUTCOMES
+    head, *rows = path.read_text().splitlines()
+    if name not in head:
+        head, rows = f"{head},{name}", [f"{row},7" for row in rows]
+    at = head.split(",").index(name)
+    cells = rows[1].split(",")
+    cells[at] = ""
+    path.write_text("\n".join([head, rows[0], ",".join(cells), *rows[2:], ""]))
+    with pytest.raises(InputError, match=f"{name}: got nothing; it is in each row, or in none"):
+        read_tests(folder)
 
 
 def test_what_has_no_part_is_named(folder: Path) -> None:

@@ -300,7 +300,7 @@ def test_a_table_with_a_slow_motor_is_weaker(tmp_path: Path) -> None:
     [
         ("1,a,0,0.2,0.3,1\n1,a,0,0.3,0.3,", ("test", "1 twice")),
         ("1,a,400,0.2,0.3,1", ("azimuth_deg", "400", "360")),
-        ("1,a,,0.2,0.3,1", ("azimuth_deg", "a number")),
+        ("1,a,,0.2,0.3,1", ("azimuth_deg", "in each row")),
         ("1,a,0,0.2,0.3,2", ("specimen1", "1 is overturned", "empty")),
         ("1,a,0,20,0.3,1", ("pga_g", "20")),
         ("1.5,a,0,0.2,0.3,1", ("test", "1.5", "whole")),

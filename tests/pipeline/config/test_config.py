@@ -276,10 +276,7 @@ def test_problem_names_the_layer_it_came_from(
         ("a.b=1", ("a", "unknown", "the keys here are")),
         ("contact={friction:0.4}", ("contact.friction:0.4: unknown", "a blank after its colon")),
         ("motion.pga={start:1}", ("motion.pga.start:1: unknown", "a blank after its colon")),
-        (
-            "uncertainty=1 uncertainty.members=5",
-            ("--set: uncertainty: got 1", "it is a section of keys"),
-        ),
+        ("uncertainty=1 uncertainty.members=5", ("uncertainty.members: got uncertainty",)),
         (
             "motion={kind: record, files: [a.mseed], unit: gal, pga: 0.3, "
             "response: {file: a.xml, corners: [1, 2, 20, 30]}, "
@@ -288,6 +285,7 @@ def test_problem_names_the_layer_it_came_from(
         ),
         ("yaw=30 yaw=60", ("--set: yaw: got yaw before it", "no setting replaces another")),
         ("motion.pga.num=3 motion.pga=[0.1]", ("motion.pga: got motion.pga.num before it",)),
+        ("motion.pga=[0.1] motion.pga={start: 0.1}", ("motion.pga.start: got motion.pga before",)),
         (
             "motion.pga=0.3 motion={kind: record, files: a.mseed}",
             ("--set: motion: got motion.pga before it", "set the whole before its parts"),
@@ -299,6 +297,13 @@ def test_wrong_setting(
     write_site: WriteSite, refused: Refused, setting: str, words: tuple[str, ...]
 ) -> None:
     refused("why", "--site", write_site(), "--set", setting, words=("--set", *words))
+
+
+def test_a_number_for_a_section(write_site: WriteSite, refused: Refused) -> None:
+    """A setting below it would take its place."""
+    site = write_site("uncertainty: 1\n")
+    words = (f"{site}: uncertainty: got 1", "it is a section of keys")
+    refused("why", "--site", site, "--set", "uncertainty.members=5", words=words)
 
 
 def test_unknown_site_lists_the_known(refused: Refused) -> None:

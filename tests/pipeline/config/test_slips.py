@@ -37,6 +37,7 @@ SUSPECT = {
     FILTERED + "highpass: 10, lowpass: null}}": "a period in seconds?",
     FILTERED + "highpass: null, lowpass: 0.04}}": "a period in seconds?",
     AGE: "20 ka",
+    "hazard.age={kind: samples, values: [18202105]}": "two ages in one line?",
     "hazard.history=[{site: buried, until: {kind: bounds, low: 2, high: 3}}]": "20 ka",
     "hazard.rocks=[{site: a, age: {kind: samples, values: [9e3]}}, {site: b, age: {kind: normal, "
     "mean: 20}}]": "20 ka",

@@ -48,6 +48,9 @@ PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d{1,9})_(?P<setting>\w+
 """A column of someone's predictions for a specimen, such as dem_s1_kn10."""
 
 
+_IN_EACH = ("azimuth_deg", "ground_motion", "series")
+"""Columns without a blank: in one of a spreadsheet's merged cells all rows but the first are."""
+
 _FLAGS = {"0": 0, "1": 1, "0.0": 0, "1.0": 1}
 _MISSING = {"": -1, "nan": -1, "NaN": -1, "NA": -1}
 
@@ -192,9 +195,10 @@ def tests_in(folder: Path) -> Tests:
     if not cells:
         raise refused(path, "", "a table without a row", "it has a row for each test", "add them")
     found = rows(path, TestRow, cells, once=("test",))
-    if "azimuth_deg" in cells[0] and any(row.azimuth_deg is None for row in found):
-        rule = "it is a number in each row"
-        raise refused(path, "azimuth_deg", "nothing", rule, "add it, or leave out the column")
+    for name in _IN_EACH:
+        if any(not fields.get(name, "x").strip() for fields in cells):
+            rule = "it is in each row, or in none"
+            raise refused(path, name, "nothing", rule, "add it, or leave out the column")
     there = (folder / RECORDS).exists()
     both = [one for one in zip(found, cells, strict=True) if one[0].has_record or not there]
     both.sort(key=lambda one: one[0].test)

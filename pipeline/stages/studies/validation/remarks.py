@@ -20,7 +20,7 @@ from pipeline.stages.studies.validation.recorded_tests import (
     motions_of,
     peak_ratios,
 )
-from pipeline.stages.studies.validation.table_motions import RECORDS, identity, left_out
+from pipeline.stages.studies.validation.table_motions import RECORDS, identity, left_out, others
 from pipeline.workflow.grammar import counted
 from vsr_core.arrays import Array
 from vsr_core.motions.ground_motion import GroundMotion
@@ -54,8 +54,9 @@ def remarks(folder: Path, tests: Tests) -> Iterator[str]:
         if (most := max(tests.pga)) > STRONG_PGA:
             yield f"pga_g of up to {most:.3g} g, and records rarely exceed {STRONG_PGA:g} g: m/s2?"
         return
-    if more := left_out(folder, tests.config.acceleration):
-        yield f"samples of {_some(more)} after the last that n_samples counts left out"
+    yield from others(folder, tests.config.acceleration)
+    if late := left_out(folder, tests.config.acceleration):
+        yield f"samples of {_some(late)} after the last that n_samples counts left out"
     ratios = peak_ratios(tests, found := motions_of(folder))
     for numbers in _alike(found):
         yield f"{_some(numbers)} are the same to the last digit: a record may stand twice"

@@ -15,6 +15,7 @@ from pipeline.config.outside import check_file, check_hdf5, refused
 from pipeline.config.paths import shown
 from pipeline.config.problems import InputError
 from pipeline.config.sections import LARGEST_PGA, SMALLEST_PGA
+from pipeline.workflow.grammar import listed
 from pipeline.workflow.keys import digest_bytes
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array
@@ -81,9 +82,7 @@ def _samples(folder: Path, variable: str | None) -> tuple[str, list[tuple[int, i
     """Name of the accelerations, and of each test its number, how many count, and all [m/s2]."""
     path = folder / RECORDS
     with _records(folder) as records:
-        name = variable or (
-            "acceleration_merged" if "acceleration_merged" in records else "acceleration"
-        )
+        name = variable or _named(records)
         if name not in records:
             raise refused(path, name, "nothing", "the variable is there", "name another")
         if records[name].dtype.kind not in "iuf" or not _is_series(records[name]):
@@ -96,6 +95,19 @@ def _samples(folder: Path, variable: str | None) -> tuple[str, list[tuple[int, i
         (int(number), int(count), one * row)
         for number, count, row in zip(numbers, counts, values, strict=True)
     ]
+
+
+def _named(records: xr.Dataset) -> str:
+    return "acceleration_merged" if "acceleration_merged" in records else "acceleration"
+
+
+def others(folder: Path, variable: str | None) -> Iterator[str]:
+    """Which accelerations count, and what else is in the records, in words."""
+    with _records(folder) as records:
+        name = variable or _named(records)
+        more = [str(one) for one in records.data_vars if one not in (name, "n_samples")]
+    if more:
+        yield f"{listed(more)} of {RECORDS} left out, as {name} counts"
 
 
 def _is_series(variable: xr.DataArray) -> bool:
