@@ -44,7 +44,8 @@ def _between(low: float, high: float) -> Callable[[Values], bool]:
     return lambda values: any(low < value < high for value in values)
 
 
-def _in_a_turn(values: Values) -> bool:
+def in_a_turn(values: Values) -> bool:
+    """Whether degrees are radians, probably: broken numbers of one turn."""
     whole = all(value == round(value) for value in values)
     return not whole and max(map(abs, values)) <= round(2.0 * math.pi, 1)
 
@@ -63,7 +64,7 @@ _AGES = " ".join(
 )
 
 SLIPS = (
-    Slip("yaw", _in_a_turn, "yaw is in degrees", "radians? write 45 for 0.785"),
+    Slip("yaw", in_a_turn, "yaw is in degrees", "radians? write 45 for 0.785"),
     Slip(
         "uncertainty.azimuth.sd azimuth.sd",
         _between(0.0, 0.5),

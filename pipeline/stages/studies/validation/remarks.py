@@ -12,6 +12,7 @@ import numpy as np
 from pipeline.config import in_si
 from pipeline.config.folder_names import unread
 from pipeline.config.sections import STRONG_PGA
+from pipeline.config.slips import in_a_turn
 from pipeline.stages.studies.validation.recorded_tests import (
     ALIKE,
     ASSUMED,
@@ -50,9 +51,8 @@ def remarks(folder: Path, tests: Tests) -> Iterator[str]:
     if config.stepper if records else config.acceleration:
         name, count = ("stepper", "a") if records else ("acceleration", "no")
         yield f"{name} of {ASSUMED} left out, as there is {count} {RECORDS}"
+    yield from _in_other_units(tests, records)
     if not records:
-        if (most := max(tests.pga)) > STRONG_PGA:
-            yield f"pga_g of up to {most:.3g} g, and records rarely exceed {STRONG_PGA:g} g: m/s2?"
         return
     yield from others(folder, tests.config.acceleration)
     if late := left_out(folder, tests.config.acceleration):
@@ -74,6 +74,15 @@ def remarks(folder: Path, tests: Tests) -> Iterator[str]:
     if (share := median(map(_offset, found.values()))) > OFFSET:
         said = f"accelerations of {RECORDS} have a mean of {share:.0%} of their peak (median)"
         yield f"{said}: an instrument's offset, which acts as a tilt"
+
+
+def _in_other_units(tests: Tests, records: bool) -> Iterator[str]:
+    """Columns of the table whose numbers are usual in another unit, in words."""
+    azimuths = tuple(one for one in tests.azimuth if one is not None)
+    if azimuths and in_a_turn(azimuths):
+        yield f"azimuth_deg from {min(azimuths):g} to {max(azimuths):g}: radians?"
+    if not records and (most := max(tests.pga)) > STRONG_PGA:
+        yield f"pga_g of up to {most:.3g} g, and records rarely exceed {STRONG_PGA:g} g: m/s2?"
 
 
 def sizes(scans: dict[int, trimesh.Trimesh]) -> Iterator[str]:

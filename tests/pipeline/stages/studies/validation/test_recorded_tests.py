@@ -299,6 +299,16 @@ def test_pga_in_another_unit_is_told_where_no_record_tells(tmp_path: Path) -> No
     assert line == "pga_g of up to 4.9 g, and records rarely exceed 4 g: m/s2?"
 
 
+@pytest.mark.parametrize(("azimuth", "told"), [("1.5708", True), ("90", False), ("67.5", False)])
+def test_azimuths_in_radians_are_told(tmp_path: Path, azimuth: str, told: bool) -> None:
+    folder = changed(tmp_path, lambda data: data)
+    head, *rows = (folder / OUTCOMES).read_text().splitlines()
+    rows = [f"{row},{azimuth if number else 0}" for number, row in enumerate(rows)]
+    (folder / OUTCOMES).write_text("\n".join([f"{head},azimuth_deg", *rows, ""]))
+    said = [line for line in remarks(folder, read_tests(folder)) if "azimuth" in line]
+    assert said == ["azimuth_deg from 0 to 1.5708: radians?"] * told
+
+
 def test_an_axis_that_is_quiet_may_be_of_few_digits(tmp_path: Path) -> None:
     """Noise of 1 % of the drive in digits of a third of it."""
     noise = np.random.default_rng(1).integers(-1, 2, (2, 400)) * 0.01
