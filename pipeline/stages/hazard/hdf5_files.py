@@ -38,8 +38,11 @@ def content(data: Any, most: int) -> Any:
     Raises
     ------
     ValueError
-        of more of them, or of longer ones than the file can hold
+        of more of them, of longer ones than the file can hold, or of any that stand in other
+        files, which is not seen before in a file whose other parts are damaged
     """
+    if data.is_virtual or data.external:
+        raise ValueError(f"{data.name[1:]} that stands in other files")
     if data.size > most:
         raise ValueError(f"{data.size:,} values of {data.name[1:]}, of at most {most:,}")
     with Path(data.file.filename).open("rb") as file:

@@ -131,7 +131,8 @@ def _other_means(
     curves: dict[tuple[int, str], tuple[Path, GivenCurve]], rows: list[Realization]
 ) -> Iterator[str]:
     """Mean curves that are not of the realizations, by probabilities or rates, in words."""
-    weights = np.array([row.weight for row in rows]) / sum(row.weight for row in rows)
+    weights = np.array([row.weight for row in rows])
+    weights /= weights.sum() or 1.0  # of none it is refused later
     for path, mean in (curves[key] for key in curves if key[0] == MEAN):
         each = [curves.get((row.rlz_id, mean.measure), (path, None))[1] for row in rows]
         given = [one.values for one in each if one and len(one.values) == len(mean.values)]

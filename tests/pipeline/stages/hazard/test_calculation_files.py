@@ -173,6 +173,10 @@ DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
     "four terabytes": (lambda file: bomb(file), "values of hcurves"),
     "weights of another file": (lambda file: elsewhere(file), "weights: got a part that is kept"),
     "weights in raw bytes": (lambda file: outside(file), "weights: got a part that is kept"),
+    "raw bytes under a name in no UTF-8": (
+        lambda file: file.create_dataset(b"\xfc", (2,), "f8", external=[("a", 0, 16)]),
+        r"\\xfc: got a part that is kept",
+    ),
     "a link to a pipe": (lambda file: linked(file), "weights: got a part that is kept"),
     "more levels than read": (lambda file: full(file, 10_000, 501), "5,010,000 values of PGA"),
     "no weights": (lambda file: put(file, "weights", np.zeros(0)), "individual_rlzs"),
@@ -238,6 +242,14 @@ def outside(file: h5py.File) -> None:
     raw = Path(file.filename).with_name("weights.raw")
     raw.write_bytes(np.full(2, 0.5).tobytes())
     file.create_dataset("weights", (2,), "f8", external=[(str(raw), 0, 16)])
+
+
+def test_what_is_kept_elsewhere_is_not_read_whatever_else_is_damaged(tmp_path: Path) -> None:
+    """Nothing of such a file is listed, so that no part of it is refused before."""
+    with h5py.File(written(tmp_path / "calc_7.hdf5"), "r+") as file:
+        outside(file)
+        with pytest.raises(ValueError, match="weights that stands in other files"):
+            hdf5_files.content(file["weights"], 10)
 
 
 def linked(file: h5py.File) -> None:

@@ -299,6 +299,15 @@ def test_curves_that_are_left_out_are_named(tmp_path: Path) -> None:
     assert curve_folder.load(tmp_path).unused[0] == said
 
 
+@pytest.mark.filterwarnings("error")
+def test_realizations_without_weight_are_refused_in_one_line(tmp_path: Path) -> None:
+    """Nor is their mean looked for."""
+    path = shipped(tmp_path) / "realizations_1.csv"
+    path.write_text(path.read_text().replace(",0.6", ",0").replace(",0.4", ",0"))
+    with pytest.raises(InputError, match="sum to 1"):
+        curve_folder.load(tmp_path)
+
+
 @pytest.mark.parametrize(("factor", "told"), [(0.2, False), (0.02, True)])
 def test_a_branch_whose_rates_are_of_other_years_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, factor: float, told: bool
