@@ -232,8 +232,8 @@ def table(path: Path, lines: str, named: Callable[[str], str] = str.strip) -> li
     Raises
     ------
     InputError
-        For a row with another number of fields than there are names, a name given twice, or a last
-        line that is cut.
+        For a row with another number of fields than there are names, a field over several lines, as
+        of single quotes in two rows, a name given twice, or a last line that is cut.
     """
     csv.field_size_limit(LONGEST_FIELD)
     plain = "".join(line for line in io.StringIO(lines, newline="") if not is_comment(line))
@@ -254,6 +254,9 @@ def table(path: Path, lines: str, named: Callable[[str], str] = str.strip) -> li
         if len(row) != len(names):
             given, rule = f"{len(row)} fields in row {number}", f"each row has {len(names)}"
             raise refused(path, "", given, rule)
+        if any("\n" in field or "\r" in field for field in row):
+            given, rule = f"a field over several lines in row {number}", "a field is in one line"
+            raise refused(path, "", given, rule, "join it, or close its quotes")
     last = rows[-1] if rows else []
     if is_cut(plain, last[-1:], [row[-1] for row in rows[1:-1]] or last[:-1]):
         given, rule = f"a last line that ends in {last[-1]!r}", "the file is whole"

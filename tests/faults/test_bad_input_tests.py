@@ -147,8 +147,17 @@ def test_which_of_several_accelerations_counts_is_told(folder: Path) -> None:
         assert told in list(remarks(folder, read_tests(folder)))
 
 
-@pytest.mark.parametrize("name", ["ground_motion", "series", "azimuth_deg"])
-def test_a_blank_in_a_column_that_groups_tests_is_refused(folder: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "blank"),
+    [
+        ("ground_motion", ""),
+        ("ground_motion", "NA"),
+        *(("series", one) for one in ("", "NaN", "-")),
+    ],
+)
+def test_a_blank_in_a_column_that_groups_tests_is_refused(
+    folder: Path, name: str, blank: str
+) -> None:
     """As merged cells of a spreadsheet leave in all rows but the first."""
     path = folder / OUTCOMES
     head, *rows = path.read_text().splitlines()
@@ -156,9 +165,18 @@ def test_a_blank_in_a_column_that_groups_tests_is_refused(folder: Path, name: st
         head, rows = f"{head},{name}", [f"{row},7" for row in rows]
     at = head.split(",").index(name)
     cells = rows[1].split(",")
-    cells[at] = ""
+    cells[at] = blank
     path.write_text("\n".join([head, rows[0], ",".join(cells), *rows[2:], ""]))
-    with pytest.raises(InputError, match=f"{name}: got nothing; it is in each row, or in none"):
+    said = f"{name}: got {blank or 'nothing'} in row 2; it is in each row, or in none"
+    with pytest.raises(InputError, match=said):
+        read_tests(folder)
+
+
+def test_rows_between_two_ditto_marks_are_missed(folder: Path) -> None:
+    """A field between them holds what is in the lines from the first to the second."""
+    rows = [f"{number},{name},0.3,0.3,0" for number, name in enumerate('a"ba"c')]
+    (folder / OUTCOMES).write_text("\n".join([HEAD.strip(), *rows, ""]))
+    with pytest.raises(InputError, match="got a field over several lines in row 2; a field is in"):
         read_tests(folder)
 
 

@@ -51,6 +51,9 @@ PUBLISHED = re.compile(r"(?P<name>[a-z]+)_s(?P<specimen>\d{1,9})_(?P<setting>\w+
 _IN_EACH = ("azimuth_deg", "ground_motion", "series")
 """Columns without a blank: in one of a spreadsheet's merged cells all rows but the first are."""
 
+_BLANK = ("", "-", "na", "nan", "n/a", "#n/a", "null", "none")
+"""What programs write for nothing, in small letters."""
+
 _FLAGS = {"0": 0, "1": 1, "0.0": 0, "1.0": 1}
 _MISSING = {"": -1, "nan": -1, "NaN": -1, "NA": -1}
 
@@ -195,10 +198,7 @@ def tests_in(folder: Path) -> Tests:
     if not cells:
         raise refused(path, "", "a table without a row", "it has a row for each test", "add them")
     found = rows(path, TestRow, cells, once=("test",))
-    for name in _IN_EACH:
-        if any(not fields.get(name, "x").strip() for fields in cells):
-            rule = "it is in each row, or in none"
-            raise refused(path, name, "nothing", rule, "add it, or leave out the column")
+    _check_blanks(path, cells)
     there = (folder / RECORDS).exists()
     both = [one for one in zip(found, cells, strict=True) if one[0].has_record or not there]
     both.sort(key=lambda one: one[0].test)
@@ -271,6 +271,16 @@ def peak_ratios(tests: Tests, found: dict[int, GroundMotion]) -> dict[int, float
         number: in_si.in_g(found[number].peak_acceleration) / pga
         for number, pga in zip(tests.number, tests.pga, strict=True)
     }
+
+
+def _check_blanks(path: Path, cells: list[dict[str, str]]) -> None:
+    """Refuse a blank in what each row has or none."""
+    for name in _IN_EACH:
+        for number, fields in enumerate(cells, start=1):
+            if (given := fields.get(name, "x")).lower() in _BLANK:
+                given = f"{given or 'nothing'} in row {number}"
+                rule, remedy = "it is in each row, or in none", "add it, or leave out the column"
+                raise refused(path, name, given, rule, remedy)
 
 
 def _unused(

@@ -31,6 +31,9 @@ from vsr_core.motions.records.trace import RecordedMotion, Trace
 if TYPE_CHECKING:
     import trimesh
 
+SLOW = 1.0
+"""PGV/PGA [s] that tests do not reach: of two published series the largest is 0.5."""
+
 VELOCITIES = 1.75
 """Factor within which peak velocities agree, in the middle: in published tests 1.08, of six 1.5. A
 step that is twice or half as long is beyond."""
@@ -83,6 +86,8 @@ def _in_other_units(tests: Tests, records: bool) -> Iterator[str]:
         yield f"azimuth_deg from {min(azimuths):g} to {max(azimuths):g}: radians?"
     if not records and (most := max(tests.pga)) > STRONG_PGA:
         yield f"pga_g of up to {most:.3g} g, and records rarely exceed {STRONG_PGA:g} g: m/s2?"
+    if not records and (most := max(tests.pgv_pga)) > SLOW:
+        yield f"pgv_pga_s of up to {most:.3g} s, and that of tests is below {SLOW:g} s: (m/s)/g?"
 
 
 def sizes(scans: dict[int, trimesh.Trimesh]) -> Iterator[str]:

@@ -289,7 +289,7 @@ def test_a_specimen_has_one_number_however_it_is_written(tmp_path: Path) -> None
         read_tests(folder)
 
 
-def test_pga_in_another_unit_is_told_where_no_record_tells(tmp_path: Path) -> None:
+def test_peaks_in_another_unit_are_told_where_no_record_tells(tmp_path: Path) -> None:
     folder = changed(tmp_path, lambda data: data)
     take_records_out(folder)
     assert list(remarks(folder, read_tests(folder))) == []
@@ -297,6 +297,9 @@ def test_pga_in_another_unit_is_told_where_no_record_tells(tmp_path: Path) -> No
     (folder / OUTCOMES).write_text(text.replace(",0.2,", ",1.96,").replace(",0.5,", ",4.9,"))
     (line,) = remarks(folder, read_tests(folder))
     assert line == "pga_g of up to 4.9 g, and records rarely exceed 4 g: m/s2?"
+    (folder / OUTCOMES).write_text(text.replace(",0.3,", ",2.94,"))
+    (line,) = remarks(folder, read_tests(folder))
+    assert line == "pgv_pga_s of up to 2.94 s, and that of tests is below 1 s: (m/s)/g?"
 
 
 @pytest.mark.parametrize(("azimuth", "told"), [("1.5708", True), ("90", False), ("67.5", False)])
