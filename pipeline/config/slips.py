@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,8 +44,14 @@ def _between(low: float, high: float) -> Callable[[Values], bool]:
     return lambda values: any(low < value < high for value in values)
 
 
-def in_a_turn(values: Values) -> bool:
-    """Whether degrees are radians, probably: broken numbers of one turn."""
+def radians_of(name: str, degrees: Iterable[float | None]) -> Iterator[str]:
+    """A column of degrees that are radians, probably, in words."""
+    found = tuple(one for one in degrees if one is not None)
+    if found and _in_a_turn(found):
+        yield f"{name} from {min(found):g} to {max(found):g}: radians?"
+
+
+def _in_a_turn(values: Values) -> bool:
     whole = all(value == round(value) for value in values)
     return not whole and max(map(abs, values)) <= round(2.0 * math.pi, 1)
 
@@ -62,9 +68,10 @@ _AGES = " ".join(
     for age in ("hazard.age", "hazard.history.until", "hazard.rocks.age")
     for name in ("mean", "median", "low", "values")
 )
+_LATEST = _AGES.replace("low", "high")
 
 SLIPS = (
-    Slip("yaw", in_a_turn, "yaw is in degrees", "radians? write 45 for 0.785"),
+    Slip("yaw", _in_a_turn, "yaw is in degrees", "radians? write 45 for 0.785"),
     Slip(
         "uncertainty.azimuth.sd azimuth.sd",
         _between(0.0, 0.5),
@@ -78,10 +85,16 @@ SLIPS = (
         "m/s2? write 1 for 9.81 m/s2",
     ),
     Slip(
-        "motion.pgv_pga hazard.pgv_pga.median",
+        "motion.pgv_pga",
         _above(2.0),
         "PGV/PGA is in seconds, and that of records is 0.02 to 0.5 s",
         "cm/s per g? write 0.1 for 98 cm/s per g; Hz? a pulse of f Hz has 1/(2 pi f) s",
+    ),
+    Slip(
+        "hazard.pgv_pga.median",
+        _above(0.6),
+        "PGV/PGA is in seconds, and the median of earthquakes is 0.02 to 0.5 s",
+        "m/s per g? write 0.08 for 0.785 m/s per g",
     ),
     Slip(
         "contact.friction uncertainty.friction friction",
@@ -128,7 +141,7 @@ SLIPS = (
     ),
     Slip(_AGES, _below(YOUNGEST), "ages are in years", "thousands of years? write 20000 for 20 ka"),
     Slip(
-        _AGES,
+        _LATEST,
         _above(1e6),
         "rocks that may topple stand for less than a million years",
         "two ages in one line? correct it",

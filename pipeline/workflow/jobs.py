@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 from pipeline.config.layers import Site, layers_of, load_site
-from pipeline.config.motion_schema import PULSES
 from pipeline.config.problems import InputError, Problem
+from pipeline.config.set_once import check_set_once, values_of
 from pipeline.config.slips import warnings
 from pipeline.config.sweep import Sweep, load_sweep
 from pipeline.config.yaml_text import in_yaml
@@ -23,9 +22,6 @@ from pipeline.workflow.outside_settings import check_settings
 from pipeline.workflow.products import DELIVERABLES, GRIDDED
 from pipeline.workflow.stage import Job, named
 from pipeline.workflow.store import Store
-
-Parts = tuple[str, ...]
-"""Of a dotted key."""
 
 
 def check_asked(stage: str, job: Job) -> None:
@@ -75,7 +71,7 @@ def _settings(given: dict[str, Any]) -> tuple[str, ...]:
         If one is given by both.
     """
     found = list(given["settings"])
-    _check_set_once(found)
+    check_set_once(found)
     _check_given_once(given)
     for one, other in (("curves", "events"), ("events", "curves")):
         if given.get(one) is not None:
@@ -89,38 +85,9 @@ def _settings(given: dict[str, Any]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _check_set_once(settings: Iterable[str]) -> None:
-    """Refuse a setting that a later one replaces, as it would be dropped."""
-    known: list[Parts] = []
-    for layer in layers_of(settings):
-        values = [key for key, _ in _values(layer)]
-        for key, before in product([*values, *_of_another_kind(layer)], known):
-            if all(one == other for one, other in zip(key, before, strict=False)):
-                said, rule = f"{'.'.join(before)} before it", "no setting replaces another"
-                remedy = "leave one out, or set the whole before its parts"
-                raise InputError(Problem("--set", ".".join(key), said, rule, remedy))
-        known += values
-
-
-def _values(layer: dict[str, Any], above: Parts = ()) -> Iterator[tuple[Parts, Any]]:
-    """What a layer sets, sections by their keys."""
-    for name, value in layer.items():
-        key = (*above, str(name))
-        yield from _values(value, key) if isinstance(value, dict) else [(key, value)]
-
-
-def _of_another_kind(layer: dict[str, Any], above: Parts = ()) -> Iterator[Parts]:
-    """Sections of which nothing stays that was said of another kind."""
-    for name, value in layer.items():
-        if isinstance(value, dict):
-            if value.get("kind", PULSES[0]) not in PULSES:
-                yield (*above, str(name))
-            yield from _of_another_kind(value, (*above, str(name)))
-
-
 def _check_given_once(given: dict[str, Any]) -> None:
     """Refuse a setting that an option stands over, as it would be dropped."""
-    values = (one for layer in layers_of(given["settings"]) for one in _values(layer))
+    values = (one for layer in layers_of(given["settings"]) for one in values_of(layer))
     known = [".".join(key) for key, value in values if value is not None]
     either = ("hazard.curves", "hazard.events")
     age = {"age": ("hazard.age",), "age_sd": ("hazard.age.sd",)}

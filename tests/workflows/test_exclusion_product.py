@@ -176,6 +176,7 @@ def test_a_fault_to_which_no_shaking_model_reaches_is_told(
         ("motion.csv", TABLE.rsplit("7,100", 1)[0], ("3 rows of 2", "every distance")),
         ("motion.csv", TABLE.replace(",10,", ",0.1,"), ("PGV/PGA", "cm/s")),
         ("motion.csv", TABLE.replace("0.6", "600"), ("pga_g", "'600' in row 3")),
+        ("motion.csv", TABLE.replace("0.6", "5.88"), ("pga_g", "'5.88' in row 3", "not in m/s2")),
     ],
 )  # fmt: skip
 def test_a_broken_file_is_refused_before_anything_runs(

@@ -736,6 +736,7 @@ def test_a_rock_that_came_out_of_the_ground(
         ("age_ka\n2.5\n", (), ("ages.csv", "age_a", "no such column")),
         ("age_a\n", (), ("ages.csv", "0 rows")),
         ("age_a\n2.5\n3.1\n", (), ("ages.csv", "age_a", "ages up to 3.1", "thousands")),
+        ("age_a\n3000\n2900\n5900\n", (), ("ages.csv", "age_a", "5900 in the last row, the sum")),
         ("age_a\n3000\n33002900\n", (), ("ages.csv", "age_a", "got 3.30029e+07", "in one line")),
         ("age_a\n900\n800\n", (), ("hazard.history", "in their order in 0 of 2 draws")),
         (None, (), ("ages.csv",)),
@@ -943,6 +944,9 @@ def test_a_comparison_that_changes_no_fragility_is_refused(
         compare = f"hazard.compare=[{{name: young, {given}}}]"
         words = ("hazard.compare", f"got {got};", "another fragility")
         refused("run", "hazard", "--site", site, "--set", compare, words=words)
+    twice = "hazard.compare=[{name: smooth, set: [contact.friction=0.4, contact.friction=0.8]}]"
+    words = ("hazard.compare: smooth: contact.friction", "no setting replaces another")
+    refused("run", "hazard", "--site", site, "--set", twice, words=words)
 
 
 def test_a_study_that_is_compared_lies_beside_who_names_it_and_over_that_of_the_command(

@@ -48,6 +48,8 @@ def make(options: argparse.Namespace) -> tuple[Store, int]:
     store.check_apart([Path(options.rocks)])
     for problem in archive.problems:
         complain(f"vsr: {problem}")
+    for doubt in archive.doubts:
+        complain(f"vsr: warning: {shown(path)}: {doubt}")
     shipped = shipped_equations.load()
     found = answers(archive.seen, shipped.equations, np.array(PGV_PGA))
     dataset = _dataset(archive, found, path, known)

@@ -6,6 +6,7 @@ import csv
 import difflib
 import math
 from bisect import bisect_left
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Self
@@ -14,10 +15,12 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from pipeline.config import outside
+from pipeline.config.hazard_schema import YOUNGEST
 from pipeline.config.paths import shown
 from pipeline.config.problems import Problem
 from pipeline.config.refusals import problem
 from pipeline.config.sections import Refused
+from pipeline.config.slips import radians_of
 from vsr_core.archive.photographs import Seen
 from vsr_core.motions.named_columns import is_cut
 
@@ -94,6 +97,14 @@ class Archive:
     rocks: list[ListedRock]
     problems: list[Problem]
     problem_of: dict[str, Problem]
+
+    @property
+    def doubts(self) -> Iterator[str]:
+        """Columns whose numbers are usual in another unit, in words."""
+        yield from radians_of("azimuth_deg", (rock.azimuth_deg for rock in self.rocks))
+        ages = [rock.age_mean_a for rock in self.rocks if rock.age_mean_a is not None]
+        if ages and min(ages) < YOUNGEST:
+            yield f"age_mean_a from {min(ages):g} to {max(ages):g} years: thousands of years?"
 
     @property
     def seen(self) -> Seen:

@@ -34,6 +34,9 @@ _LogSd = Annotated[float, Field(gt=0, le=3)]
 _MOST = 5_000
 """Faults, or rows of a table of a ground-motion model."""
 
+STRONGEST = 2.5
+"""Median PGA [g] of a ground-motion model, at most: models saturate near 1 g beside a rupture."""
+
 SATURATION = 1.25
 """How many times shaking may exceed that of a larger magnitude, or of a lesser distance: models
 saturate near a rupture, and have reflections far from it."""
@@ -69,7 +72,7 @@ class Expected(Row):
 
     magnitude: _Magnitude = Field(description="moment magnitude")
     distance_km: float = Field(gt=0, le=1000, description="distance [km]")
-    pga_g: float = Field(gt=0, le=LEVELS["PGA"][2], description="median PGA in g")
+    pga_g: float = Field(gt=0, le=STRONGEST, description="median PGA in g, and not in m/s2")
     pga_log_sd: _LogSd = Field(description="standard deviation of ln PGA")
     pgv_cm_s: float = Field(gt=0, le=LEVELS["PGV"][2], description="median PGV in cm/s")
     pgv_log_sd: _LogSd = Field(description="standard deviation of ln PGV")

@@ -16,6 +16,7 @@ from pipeline.config.layers import Origin, Site, load_site, one_by_one
 from pipeline.config.observation_schema import Observations
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem, edited_since
+from pipeline.config.set_once import check_set_once
 from pipeline.config.slips import warnings
 from pipeline.stages.archive import shipped_equations
 from pipeline.stages.archive.archived_rock import answered
@@ -217,6 +218,7 @@ def _compared(hazard: HazardConfig, origin: Origin) -> tuple[tuple[Other, ...], 
     compared, told = [], []
     for one in hazard.compare:
         try:
+            check_set_once(one.set)
             site, without = _with_other_settings(one, origin)
             check_peaks(site)
         except InputError as error:

@@ -27,6 +27,7 @@ SUSPECT = {
     "motion.pga=9.81": "m/s2?",
     "motion.pga={start: 0.5, stop: 5, num: 10}": "m/s2?",
     "motion.pgv_pga={start: 1, stop: 5, num: 5}": "Hz?",
+    "hazard.pgv_pga={pga: [0.1, 1.0], median: [0.785, 0.5], log_sd: [0.5, 0.5]}": "m/s per g?",
     "contact.friction=35": "degrees?",
     "uncertainty.friction=[24, 37]": "degrees?",
     "contact.friction=[0, 6]": "decimal comma?",

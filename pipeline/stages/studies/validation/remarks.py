@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.config import in_si
 from pipeline.config.folder_names import unread
 from pipeline.config.sections import STRONG_PGA
-from pipeline.config.slips import in_a_turn
+from pipeline.config.slips import radians_of
 from pipeline.stages.studies.validation.recorded_tests import (
     ALIKE,
     ASSUMED,
@@ -81,9 +81,7 @@ def remarks(folder: Path, tests: Tests) -> Iterator[str]:
 
 def _in_other_units(tests: Tests, records: bool) -> Iterator[str]:
     """Columns of the table whose numbers are usual in another unit, in words."""
-    azimuths = tuple(one for one in tests.azimuth if one is not None)
-    if azimuths and in_a_turn(azimuths):
-        yield f"azimuth_deg from {min(azimuths):g} to {max(azimuths):g}: radians?"
+    yield from radians_of("azimuth_deg", tests.azimuth)
     if not records and (most := max(tests.pga)) > STRONG_PGA:
         yield f"pga_g of up to {most:.3g} g, and records rarely exceed {STRONG_PGA:g} g: m/s2?"
     if not records and (most := max(tests.pgv_pga)) > SLOW:

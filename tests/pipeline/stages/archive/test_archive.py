@@ -353,6 +353,18 @@ def test_equations_are_made_anew_from_runs(tmp_path: Path) -> None:
     assert main(given) == REFUSED  # of too few shapes nothing can be fitted
 
 
+def test_columns_in_another_unit_are_told(tmp_path: Path) -> None:
+    """Radians and thousands of years, which have no part in the boundaries."""
+    path, head = tmp_path / "rocks.csv", "name,alpha_1_deg,r_1_m,azimuth_deg,age_mean_a\n"
+    path.write_text(f"{head}a,20,0.5,40,14000\nb,20,0.5,,2000\n")
+    assert list(rock_list.read(path).doubts) == []
+    path.write_text(f"{head}a,20,0.5,0.698,14\nb,20,0.5,,2\n")
+    assert list(rock_list.read(path).doubts) == [
+        "azimuth_deg from 0.698 to 0.698: radians?",
+        "age_mean_a from 2 to 14 years: thousands of years?",
+    ]
+
+
 def test_a_table_that_is_cut_inside_its_last_number_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "rocks.csv"
     path.write_text("name,alpha_1_deg,height_m\nA,15,1.55\nB,20,2.25")
