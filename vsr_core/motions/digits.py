@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 
 import numpy as np
 from scipy.ndimage import maximum_filter, maximum_filter1d, uniform_filter1d
@@ -26,6 +27,10 @@ motion may stop and start than it bends elsewhere. Of 490 recorded shake-table m
 
 _STRAIGHT, _LINES = 0.005, 2.5
 """Share of the largest bend about it that is none; lines from which on they join the values."""
+
+_SHORT, _OTHER_SIDE = 100, 0.05
+"""Samples below which nothing is told; times as far as to one side that shaking goes to the other,
+at least."""
 
 _FEWEST = 10
 """Digits from rest to peak of a record. Of 59 records, PGV/PGA was 0.85 to 1.31 times what it is of
@@ -211,6 +216,29 @@ def refuse_still(values: Array, name: str, step: float) -> None:
             given += f"{start * step:.4g} s on, amid shaking"
             rule = "an instrument does not stand still while it is shaken"
             raise InvalidInput(given, rule, "they fill a gap: cut the record before or after it")
+
+
+def disfigured(values: Array, name: str) -> Iterator[str]:
+    """What an acceleration may have lost that no shaking lacks, in words.
+
+    Of 490 recorded shake-table motions each goes at least 0.25 times as far to one side of where it
+    begins as to the other.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,), in the unit of the file
+    """
+    if len(values) < _SHORT or not np.ptp(values):
+        return
+    steps, begin = np.diff(values), float(np.median(values[: max(1, len(values) // 100)]))
+    sides = [sorted((values.max() - rest, rest - values.min())) for rest in (0.0, begin)]
+    if not steps.min() < 0.0 < steps.max():
+        yield f"{name} never turns: its samples may be sorted"
+    elif all(less < _OTHER_SIDE * more for less, more in sides):
+        yield f"{name} is on one side of zero and of where it begins: minus signs may be lost"
+    size = np.abs(values[values != 0.0])
+    if values.min() < 0.0 < values.max() and size.min() > 0.999 and size.max() < 10.0:
+        yield f"{name} has numbers from 1 to 10 alone: their exponents may be lost"
 
 
 def _jumps(rest: float, beside: tuple[Array, Array], least: float) -> bool:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support import record_files as files
 
 from vsr_core.motions import digits
 
@@ -30,3 +33,23 @@ def test_of_fixed_digits_it_is_no_finer_than_they_are(numbers: list[float], plac
 def test_of_numbers_that_were_never_rounded_it_is_nothing() -> None:
     values = np.random.default_rng(1).normal(size=100)
     assert (digits.last(values) < 1e-10 * np.abs(values).max()).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda values: values, []),
+        (lambda values: values + 2.0 * np.abs(values).max(), []),  # an offset
+        (np.sort, ["EW never turns: its samples may be sorted"]),
+        (np.abs, ["EW is on one side of zero and of where it begins: minus signs may be lost"]),
+        (
+            lambda values: np.array([float(f"{one:.4e}".split("e")[0]) for one in values]),
+            ["EW has numbers from 1 to 10 alone: their exponents may be lost"],
+        ),
+    ],
+)
+def test_shaking_that_was_sorted_or_lost_signs_or_exponents_is_told(
+    change: Callable[[np.ndarray], np.ndarray], told: list[str]
+) -> None:
+    values = files.shaking(7, 100.0, 8.0, 4.0, 0.6)
+    assert list(digits.disfigured(change(values), "EW")) == told
