@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -39,6 +39,14 @@ class NormalAge(Section):
     mean: Years = Field(description="mean of the age [year]")
     sd: float = Field(0.0, ge=0, le=1e8, description="its standard deviation; 0 is exact [year]")
     source: _Source = Field("", description="source of the age, for the page")
+
+    @model_validator(mode="after")
+    def _is_of_a_rock_that_stands(self) -> Self:
+        """A third of such ages would be below 0."""
+        if self.sd > 2.0 * self.mean:
+            rule, remedy = "it is at most twice the mean", "exchange mean and sd, or give bounds"
+            raise Refused(rule, remedy, "sd", f"{self.sd:g}")
+        return self
 
 
 class LognormalAge(Section):

@@ -71,7 +71,12 @@ _AGES = " ".join(
 _LATEST = _AGES.replace("low", "high")
 
 SLIPS = (
-    Slip("yaw", _in_a_turn, "yaw is in degrees", "radians? write 45 for 0.785"),
+    Slip(
+        "yaw motion.records.azimuth observations.direction",
+        _in_a_turn,
+        "directions are in degrees",
+        "radians? write 45 for 0.785",
+    ),
     Slip(
         "uncertainty.azimuth.sd azimuth.sd",
         _between(0.0, 0.5),

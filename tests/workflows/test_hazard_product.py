@@ -736,6 +736,11 @@ def test_a_rock_that_came_out_of_the_ground(
         ("age_ka\n2.5\n", (), ("ages.csv", "age_a", "no such column")),
         ("age_a\n", (), ("ages.csv", "0 rows")),
         ("age_a\n2.5\n3.1\n", (), ("ages.csv", "age_a", "ages up to 3.1", "thousands")),
+        (
+            "age_a\n3000\n",
+            ("hazard.age={kind: normal, mean: 150, sd: 1000}",),
+            ("hazard.age.sd", "got 1000", "exchange mean and sd"),
+        ),
         ("age_a\n3000\n2900\n5900\n", (), ("ages.csv", "age_a", "5900 in the last row, the sum")),
         ("age_a\n3000\n33002900\n", (), ("ages.csv", "age_a", "got 3.30029e+07", "in one line")),
         ("age_a\n900\n800\n", (), ("hazard.history", "in their order in 0 of 2 draws")),
@@ -935,10 +940,10 @@ def test_a_comparison_that_changes_no_fragility_is_refused(
 ) -> None:
     site = write_site(BOX + GRID + HAZARD)
     study = Path(site).with_name("young.yaml")
-    study.write_text("hazard: {age: {mean: 99}}\n")
+    study.write_text("hazard: {age: {mean: 999}}\n")
     for given, got in (
-        ("set: [hazard.age.mean=99]", "hazard.age.mean"),
-        ("set: [contact.friction=0.4 hazard.age.mean=99]", "hazard.age.mean"),
+        ("set: [hazard.age.mean=999]", "hazard.age.mean"),
+        ("set: [contact.friction=0.4 hazard.age.mean=999]", "hazard.age.mean"),
         (f"study: {study}", "hazard"),
     ):
         compare = f"hazard.compare=[{{name: young, {given}}}]"

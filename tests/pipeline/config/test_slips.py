@@ -24,6 +24,9 @@ SUSPECT = {
     "yaw=[0.785, 1.57]": "45 for 0.785",
     "yaw=[0, 1.5708, 3.1416, 4.7124]": "radians?",
     "uncertainty.azimuth.sd=0.087": "radians?",
+    "motion={kind: record, pga: 1, records: [{file: a, azimuth: 0.5236}], "
+    "processing: {order: none, highpass: null, lowpass: null}}": "radians?",
+    "observations=[{kind: tilt, direction: 1.57, angle: 9, sd: 1, outcome: stood}]": "radians?",
     "motion.pga=9.81": "m/s2?",
     "motion.pga={start: 0.5, stop: 5, num: 10}": "m/s2?",
     "motion.pgv_pga={start: 1, stop: 5, num: 5}": "Hz?",
