@@ -70,6 +70,10 @@ LINES = {
         ("run", "hazard", *SITE, "--age", "9e3", "--set", " hazard={age: {mean: 2000}}"),
         "--age: hazard.age: got --set hazard.age beside it",
     ),
+    "two errors of an age": (
+        ("run", "hazard", *SITE, "--age-sd", "9", "--set", "hazard.age={mean: 2000, sd: 8}"),
+        "--age-sd: hazard.age.sd: got --set hazard.age.sd beside it",
+    ),
     "events beside curves": (
         ("run", "hazard", *SITE, "--curves", "a", "--set", "hazard.events=b", "--age", "9e3"),
         "--curves: hazard.events: got --set hazard.events beside it",

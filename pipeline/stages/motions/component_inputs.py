@@ -30,7 +30,7 @@ from pipeline.stages.motions.record_inputs import (
 )
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records.components import Components, check_together
-from vsr_core.motions.records.directions import doubts
+from vsr_core.motions.records.doubts import doubts
 from vsr_core.motions.records.record import Record, repaired
 from vsr_core.motions.records.trace import measures
 

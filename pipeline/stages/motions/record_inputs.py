@@ -23,7 +23,8 @@ from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.records import formats
 from vsr_core.motions.records.components import Components
-from vsr_core.motions.records.directions import check_directions, doubts
+from vsr_core.motions.records.directions import check_directions
+from vsr_core.motions.records.doubts import doubts
 from vsr_core.motions.records.formats import COMPONENTS, SUFFIXES
 from vsr_core.motions.records.processing import process
 from vsr_core.motions.records.record import Record, check_rest, repaired

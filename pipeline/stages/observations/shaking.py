@@ -27,7 +27,8 @@ from vsr_core.errors import InvalidInput
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.records import formats
-from vsr_core.motions.records.directions import check_directions, doubts
+from vsr_core.motions.records.directions import check_directions
+from vsr_core.motions.records.doubts import doubts
 from vsr_core.motions.records.record import Record, check_end, repaired
 from vsr_core.motions.records.trace import RecordedMotion, Trace
 from vsr_core.run.cases import Settings

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from vsr_core.errors import InvalidInput
-from vsr_core.motions import digits
-from vsr_core.motions.records.record import Direction, Record, factor, is_acceleration
+from vsr_core.motions.records.record import Direction, Record
 from vsr_core.motions.records.station import channel_of
 
 _VERTICAL = re.compile(
@@ -206,7 +205,7 @@ def _refuse_pair(names: Mapping[str, str], known: Mapping[str, float]) -> None:
 
 
 def doubts(components: Mapping[str, Record]) -> list[str]:
-    """What is to be told of channels that may point elsewhere, or whose samples may be disfigured.
+    """What is to be told of channels that may be vertical, or point elsewhere than their names.
 
     By the practice of networks the second points 90 degrees to the right of the first.
 
@@ -236,9 +235,6 @@ def doubts(components: Mapping[str, Record]) -> list[str]:
             found += [f"{names[axis]} as {axis} points to {azimuth:g} deg by its file or response"]
     if not _azimuths_told(told) and len(names) == 2:
         found += _about_pair(names["x"], names["y"])
-    for one in components.values():
-        unit = factor(one.unit) if is_acceleration(one.unit) else 1.0
-        found += digits.disfigured(one.acceleration / unit, _name(one))
     return found
 
 
