@@ -21,8 +21,9 @@ from pipeline.config.sections import (
 Years = Annotated[float, Field(ge=1, le=1e8)]
 """An age [year]: no landform that carries a rock is older."""
 
-YOUNGEST = 150
-"""Years: landforms that carry a rock are rarely younger."""
+YOUNGEST, LONGEST = 150, 1e6
+"""Years: landforms that carry a rock are rarely younger, and no rock that may topple has stood for
+longer."""
 
 MOST_SAMPLES = 100_000
 
@@ -30,6 +31,18 @@ _Source = Annotated[str, Field(max_length=400)]
 _Peak = Annotated[float, Field(ge=SMALLEST_PGA, le=LARGEST_PGA)]
 _Ratio = Annotated[float, Field(ge=LEAST_RATIO, le=LARGEST_RATIO)]
 _LogSd = Annotated[float, Field(gt=0, le=5)]
+
+
+def refuse_wide(mean: float, sd: float, key: str) -> None:
+    """Refuse an age of which a third would be below 0, in years.
+
+    Raises
+    ------
+    Refused
+    """
+    if sd > 2.0 * mean:
+        rule, remedy = "it is at most twice the mean", "exchange mean and sd, or give bounds"
+        raise Refused(rule, remedy, key, f"{sd:g}")
 
 
 class NormalAge(Section):
@@ -42,10 +55,7 @@ class NormalAge(Section):
 
     @model_validator(mode="after")
     def _is_of_a_rock_that_stands(self) -> Self:
-        """A third of such ages would be below 0."""
-        if self.sd > 2.0 * self.mean:
-            rule, remedy = "it is at most twice the mean", "exchange mean and sd, or give bounds"
-            raise Refused(rule, remedy, "sd", f"{self.sd:g}")
+        refuse_wide(self.mean, self.sd, "sd")
         return self
 
 

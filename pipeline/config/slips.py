@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.config.hazard_schema import YOUNGEST
+from pipeline.config.hazard_schema import LONGEST, YOUNGEST
 from pipeline.config.layers import Site
 from pipeline.config.problems import Problem
 from pipeline.config.schema import TableConfig
@@ -147,7 +147,7 @@ SLIPS = (
     Slip(_AGES, _below(YOUNGEST), "ages are in years", "thousands of years? write 20000 for 20 ka"),
     Slip(
         _LATEST,
-        _above(1e6),
+        _above(LONGEST),
         "rocks that may topple stand for less than a million years",
         "two ages in one line? correct it",
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 import time
@@ -19,6 +20,7 @@ _SILENT_SECONDS, _PATIENT_SECONDS = 2.0, 10.0  # before what is being done is to
 
 
 _LINES: dict[int, Any] = {}  # by the number of the cell of a notebook that they stand below
+_ROUND_SECONDS = 1.0  # after which runs are no further round of those before
 
 
 class Steps:
@@ -54,7 +56,12 @@ class Steps:
 
 
 class Progress:
-    """Counts runs and shows them: in place on a screen, now and then in a log."""
+    """Counts runs and shows them: in place on a screen, now and then in a log.
+
+    Also while none is done, and of short rounds that follow each other.
+    """
+
+    _before = (-math.inf, -math.inf)  # when the last ended, and when its last line was shown
 
     def __init__(self, total: int, log: Callable[[str], None]) -> None:
         self.total, self._log = total, log
@@ -62,9 +69,16 @@ class Progress:
         self._screen, self._notebook = on_screen(), in_notebook()
         self._told = False  # in a notebook
         self._start = self._shown = time.monotonic()
+        ended, shown = Progress._before
+        if self._start - ended < _ROUND_SECONDS:
+            self._shown = shown
         self._width = 0  # of the widest line so far, over which others are written
+        self._end, self._one_line = threading.Event(), threading.Lock()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
 
     def __enter__(self) -> Progress:
+        if not self._notebook:
+            self._thread.start()
         return self
 
     def __exit__(
@@ -73,6 +87,10 @@ class Progress:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._end.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        Progress._before = time.monotonic(), self._shown
         if self._told:
             self._show(self.line(time.monotonic()))  # which is kept with the notebook
         elif self._screen and not self._notebook:
@@ -81,15 +99,20 @@ class Progress:
 
     def add(self, outcomes: list[int]) -> None:
         """Count finished runs by outcome code."""
-        self.outcomes.update(outcomes)
+        with self._one_line:
+            self.outcomes.update(outcomes)
+            self._tell(after=_SCREEN_SECONDS if self._screen else _QUIET_SECONDS)
+
+    def _watch(self) -> None:
+        while not self._end.wait(0.1):
+            with self._one_line:
+                self._tell(after=_PATIENT_SECONDS)
+
+    def _tell(self, after: float) -> None:
         now = time.monotonic()
-        if self._screen and now - self._shown >= _SCREEN_SECONDS:
-            self._show(self.line(now))
-        elif not self._screen and now - self._shown >= _QUIET_SECONDS:
-            self._log(self.line(now))
-        else:
-            return
-        self._shown = now
+        if now - self._shown >= after:
+            (self._show if self._screen else self._log)(self.line(now))
+            self._shown = now
 
     def _show(self, line: str) -> None:
         """Write over what stands there."""
@@ -118,11 +141,14 @@ class Progress:
         ----------
         now : float [s]
         """
-        done = self.outcomes.total()
-        rate = done / max(now - self._start, 1e-9)
-        left = (self.total - done) / rate if rate else 0.0
+        done, taken = self.outcomes.total(), max(now - self._start, 1e-9)
+        if not done:
+            return f"runs 0/{self.total}  {taken:.0f} s so far"
+        rate = done / taken
+        left = (self.total - done) / rate
         counts = ", ".join(
             f"{n} {Outcome(code).name.lower()}" for code, n in self.outcomes.most_common()
         )
         clock = f"{int(left) // 60}:{int(left) % 60:02d}"
-        return f"runs {done}/{self.total}  {rate:.0f}/s  {clock} left  {counts}"
+        speed = f"{rate:.0f}" if rate >= 10.0 else f"{rate:.2g}"
+        return f"runs {done}/{self.total}  {speed}/s  {clock} left  {counts}"

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from pipeline.config import outside
-from pipeline.config.hazard_schema import YOUNGEST
+from pipeline.config.hazard_schema import LONGEST, YOUNGEST, refuse_wide
 from pipeline.config.paths import shown
 from pipeline.config.problems import Problem
 from pipeline.config.refusals import problem
@@ -67,6 +67,8 @@ class ListedRock(outside.Row):
         if self.age_sd_a is not None and self.age_mean_a is None:
             rule = "a standard deviation has a mean beside it"
             raise Refused(rule, "give it, or leave both out", "age_mean_a", "nothing")
+        if self.age_mean_a is not None:
+            refuse_wide(self.age_mean_a, self.age_sd_a or 0.0, "age_sd_a")
         self._check_heights()
         return self
 
@@ -105,6 +107,8 @@ class Archive:
         ages = [rock.age_mean_a for rock in self.rocks if rock.age_mean_a is not None]
         if ages and min(ages) < YOUNGEST:
             yield f"age_mean_a from {min(ages):g} to {max(ages):g} years: thousands of years?"
+        if ages and max(ages) > LONGEST:
+            yield f"age_mean_a to {max(ages):,.0f} years: two ages in one field?"
 
     @property
     def seen(self) -> Seen:

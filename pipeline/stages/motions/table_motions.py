@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +63,7 @@ def dataset(loaded: Loaded, pga: tuple[float, ...]) -> tuple[xr.Dataset, str]:
         },
     )
     data["record_size"].attrs["sample_dimension"] = "sample"
-    data["repairs"] = "record", [_doubt(one) for one in motions]
+    data["repairs"] = "record", ["; ".join(_doubts(one)) for one in motions]
     turning = sum(one.turns for one in motions)
     shaking = len(pga) * sum(one.duration for one in motions)
     own = counted(len(names), "table motion")
@@ -97,12 +99,19 @@ def named(pulses: tuple[AxisPulseConfig, ...]) -> str:
     return ", ".join(words)
 
 
-def _doubt(motion: SampledMotion) -> str:
+def _doubts(motion: SampledMotion) -> Iterator[str]:
     """What is to be told of a motion that passes."""
     share, from_on = _rough(motion)
-    why = "noise or rounding of its positions, or too few samples"
-    told = f"{why}, make {share:.0%} of its PGA by waves above {from_on:.3g} Hz alone"
-    return told if share > SLIGHT else ""
+    if share > SLIGHT:
+        why = "noise or rounding of its positions, or too few samples"
+        yield f"{why}, make {share:.0%} of its PGA by waves above {from_on:.3g} Hz alone"
+    if np.allclose(np.diff(motion.time), 1.0, rtol=0.0, atol=1e-6):
+        yield "time in steps of 1 s: numbers of samples?"
+    for axis, most in zip(AXES[:5], np.abs(motion.samples).max(axis=0), strict=False):
+        if axis in "xyz" and most > FAR:
+            yield f"{axis} to {most:.3g} m: cm?"
+        elif axis not in "xyz" and most > STEEP:
+            yield f"{axis} to {most:.3g} rad, {math.degrees(most):.0f} degrees: degrees?"
 
 
 def _digest(motion: SampledMotion) -> str:
@@ -152,6 +161,9 @@ beside it. At a corner of the way, and about samples that are off it, a spline m
 one of them, however sharp. Of the accelerations of 490 shake-table tests, integrated to positions,
 it is by more in none at 100 and 200 Hz, 6 % at 50 Hz and four tenths at 25 Hz, where the PGA is 3,
 9 and 27 % off in the median."""
+
+FAR, STEEP = 10.0, 0.6
+"""Way [m] and tilt [rad], beyond those of shake tables and of most tilt tests, that are told of."""
 
 STRONGEST = 100.0
 """PGA [g] beyond which a motion is in other units than it says."""

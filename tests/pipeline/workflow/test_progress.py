@@ -12,7 +12,7 @@ import pytest
 
 from pipeline import ROOT
 from pipeline.workflow import progress
-from pipeline.workflow.progress import Steps
+from pipeline.workflow.progress import Progress, Steps
 
 
 def test_a_step_that_lasts_is_told_and_one_that_does_not_is_not(
@@ -27,6 +27,28 @@ def test_a_step_that_lasts_is_told_and_one_that_does_not_is_not(
         while not lines and time.monotonic() < end:
             time.sleep(0.01)
     assert [line.rpartition(", ")[0] for line in lines] == ["scan: closing"]
+    assert lines[0].endswith(" s so far")
+
+
+def test_short_rounds_that_follow_each_other_are_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "_QUIET_SECONDS", 0.5)
+    lines: list[str] = []
+    end = time.monotonic() + 60.0
+    while not lines and time.monotonic() < end:
+        with Progress(2, lines.append) as runs:
+            time.sleep(0.1)
+            runs.add([0])
+    assert lines[0].startswith("runs 1/2  ")
+
+
+def test_a_long_run_is_told_of_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "_PATIENT_SECONDS", 0.3)
+    lines: list[str] = []
+    with Progress(4, lines.append):
+        end = time.monotonic() + 60.0
+        while not lines and time.monotonic() < end:
+            time.sleep(0.01)
+    assert lines[0].startswith("runs 0/4  ")
     assert lines[0].endswith(" s so far")
 
 

@@ -44,7 +44,19 @@ def test_of_numbers_that_were_never_rounded_it_is_nothing() -> None:
         (np.abs, ["EW is on one side of zero and of where it begins: minus signs may be lost"]),
         (
             lambda values: np.array([float(f"{one:.4e}".split("e")[0]) for one in values]),
-            ["EW has numbers from 1 to 10 alone: their exponents may be lost"],
+            ["EW has numbers of one power of ten alone: their exponents may be lost"],
+        ),
+        (
+            lambda values: 0.1 * np.array([float(f"{one:.6e}".split("e")[0]) for one in values]),
+            ["EW has numbers of one power of ten alone: their exponents may be lost"],
+        ),
+        (
+            lambda values: np.array([float(repr(one).split("e")[0]) for one in values.tolist()]),
+            ["EW jumps to and fro by "],
+        ),
+        (
+            lambda values: np.where(np.arange(len(values)) % 5, values, np.abs(values)),
+            ["EW jumps to and fro by "],
         ),
     ],
 )
@@ -52,4 +64,6 @@ def test_shaking_that_was_sorted_or_lost_signs_or_exponents_is_told(
     change: Callable[[np.ndarray], np.ndarray], told: list[str]
 ) -> None:
     values = files.shaking(7, 100.0, 8.0, 4.0, 0.6)
-    assert list(digits.disfigured(change(values), "EW")) == told
+    found = list(digits.disfigured(change(values), "EW"))
+    assert len(found) == len(told)
+    assert all(map(str.startswith, found, told))

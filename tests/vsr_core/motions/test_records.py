@@ -131,6 +131,13 @@ def test_table_with_its_unit_in_the_heading(heading: str, one: float) -> None:
     np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6, atol=1e-9)
 
 
+def test_a_heading_of_two_units_is_refused() -> None:
+    text = files.csv(VALUES, STEP, "acceleration [m/s2] (g)")
+    refusal(lambda: read(text.encode(), ".csv", PLAIN), "acceleration [m/s2] in m/s2 and in g")
+    same = files.csv(VALUES / GRAVITY, STEP, "HNE (SA[g]) [g]")
+    np.testing.assert_allclose(read(same.encode(), ".csv", PLAIN).acceleration, VALUES, atol=1e-6)
+
+
 def test_a_byte_order_mark_is_no_part_of_a_record() -> None:
     plain = files.csv(VALUES, STEP).encode()
     marked = read(codecs.BOM_UTF8 + plain, ".csv", PLAIN)

@@ -82,6 +82,8 @@ def read_netcdf(content: bytes, component: str | None, unit: str | None) -> Reco
     return replace(record, repairs=(*record.repairs, left)) if file.others else record
 
 
+_IN_BRACKETS = re.compile(r"[\[(]([^\[(\])]*)[\])]")
+
 _SECONDS = ("s", "sec", "second", "seconds")
 
 
@@ -118,6 +120,11 @@ def on_times(
         given = f"{', '.join(names)} in {', '.join(map(str, units))}"
         raise InvalidInput(given, "they share a unit", "name one of them as motion.component")
     name = stated(units[0], unit)
+    for column in names:
+        others_stated = [one for one in _IN_BRACKETS.findall(column) if is_acceleration(one)]
+        if any(factor(one) != factor(name) for one in others_stated):
+            given, rule = f"{column} in {others_stated[0]} and in {name}", "it has one unit"
+            raise InvalidInput(given, rule, "leave the other out of its name")
     even, interval, repairs = _evenly(time.values, side_by_side(values) * factor(name))
     start = float(time.values[0])
     more = [one.name for one in others if one.name not in names and not _OTHER.search(one.name)]

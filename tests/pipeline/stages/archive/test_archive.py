@@ -363,6 +363,18 @@ def test_columns_in_another_unit_are_told(tmp_path: Path) -> None:
         "azimuth_deg from 0.698 to 0.698: radians?",
         "age_mean_a from 2 to 14 years: thousands of years?",
     ]
+    path.write_text(f"{head}a,20,0.5,40,1400011\nb,20,0.5,,2000\n")
+    assert list(rock_list.read(path).doubts) == [
+        "age_mean_a to 1,400,011 years: two ages in one field?"
+    ]
+
+
+def test_an_age_exchanged_with_its_error_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "rocks.csv"
+    path.write_text("name,alpha_1_deg,r_1_m,age_mean_a,age_sd_a\na,20,0.5,2500,14000\n")
+    (problem,) = rock_list.read(path).problems
+    assert "age_sd_a" in str(problem)
+    assert "exchange mean and sd" in str(problem)
 
 
 def test_a_table_that_is_cut_inside_its_last_number_is_refused(tmp_path: Path) -> None:

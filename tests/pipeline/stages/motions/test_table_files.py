@@ -13,7 +13,7 @@ import xarray as xr
 from conftest import Ran
 from support.suites import slow_but
 
-from pipeline.stages.motions.table_motions import _doubt, _rough, load
+from pipeline.stages.motions.table_motions import _doubts, _rough, load
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import barrier
@@ -156,8 +156,8 @@ def test_steps_of_an_encoder_are_told_or_refused(step: float, tmp_path: Path) ->
             share, from_on = _rough(motion)
             assert share == pytest.approx(1.0 - exact / motion.peak_acceleration, abs=0.06)
             assert from_on == pytest.approx(25.0)
-            assert (share > 0.05) == (f"{share:.0%} of its PGA" in _doubt(motion))
-            told.append(bool(_doubt(motion)))
+            assert (share > 0.05) == (f"{share:.0%} of its PGA" in "".join(_doubts(motion)))
+            told.append(any(_doubts(motion)))
     assert set(told) == {False, True}
 
 
@@ -235,7 +235,7 @@ def test_positions_that_lines_join_are_no_motion(rate: float, lag: float, tmp_pa
         motion = load(path)
         share = 1.0 - exact / motion.peak_acceleration
         assert _rough(motion)[0] == pytest.approx(share, abs=0.03)
-        assert _doubt(motion)
+        assert any(_doubts(motion))
     else:
         with pytest.raises(InvalidInput, match=r"to and fro|straight|shakes"):
             load(path)
@@ -453,6 +453,24 @@ def test_noise_of_positions_is_told(
     assert "of its PGA" in told["again"]
     assert told["tilting"] == ""
     assert f"motions: again: {told['again']}" in ran.out + ran.err
+
+
+@pytest.mark.parametrize(
+    ("head", "factors", "told"),
+    [
+        ("time [s]", (40.0, 1.0, 1.0), ["time in steps of 1 s: numbers of samples?"]),
+        ("time [s]", (1.0, 100.0, 1.0), ["x to 50 m: cm?"]),
+        ("time [s]", (1.0, 1.0, 57.0), ["pitch to 0.855 rad, 49 degrees: degrees?"]),
+        ("time [ms]", (40.0, 1e-3, 1e-3), []),
+        ("time [s]", (1.0, 10.0, 40.0), []),
+    ],
+)
+def test_samples_in_other_units_than_stated_are_told(
+    head: str, factors: tuple[float, float, float], told: list[str], tmp_path: Path
+) -> None:
+    columns = np.array(factors)[:, None] * [TIME, 0.5 * SWELL, 0.015 * SWELL]
+    path = write(tmp_path / "table.csv", f"{head},x [m],pitch [rad]", *columns)
+    assert list(_doubts(load(path))) == told
 
 
 @pytest.mark.slow
