@@ -21,9 +21,16 @@ from pipeline.stages.studies.validation.recorded_tests import (
     motions_of,
     peak_ratios,
 )
-from pipeline.stages.studies.validation.table_motions import RECORDS, identity, left_out, others
+from pipeline.stages.studies.validation.table_motions import (
+    QUIET,
+    RECORDS,
+    identity,
+    left_out,
+    others,
+)
 from pipeline.workflow.grammar import counted
 from vsr_core.arrays import Array
+from vsr_core.motions.digits import disfigured
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.records.components import ComponentMotion
 from vsr_core.motions.records.trace import RecordedMotion, Trace
@@ -65,6 +72,8 @@ def remarks(folder: Path, tests: Tests) -> Iterator[str]:
         yield f"{_some(numbers)} are the same to the last digit: a record may stand twice"
     if cut := [number for number, motion in found.items() if _ends(motion) > CUT]:
         yield f"{_some(cut)} begin or end at more than {CUT:.0%} of their peak: they may be cut"
+    if odd := [number for number, motion in found.items() if _disfigured(motion)]:
+        yield f"{_some(odd)} may be sorted, or have lost order, minus signs or exponents"
     if far := [number for number, ratio in ratios.items() if not 1 / ALIKE <= ratio <= ALIKE]:
         yield f"peaks of {_some(far)} are not within a factor of {ALIKE:g} of pga_g"
     ratio = median(
@@ -113,6 +122,12 @@ def _ends(motion: GroundMotion) -> float:
     shaken = np.trim_zeros(largest)
     part = max(1, len(shaken) // 50)
     return float(max(shaken[:part].max(), shaken[-part:].max()) / shaken.max())
+
+
+def _disfigured(motion: GroundMotion) -> bool:
+    along = [one.acceleration for one in _horizontal(motion)]
+    peak = np.abs(along).max()
+    return any(any(disfigured(one, "")) for one in along if np.ptp(one) > QUIET * peak)
 
 
 def _peak_velocity(motion: GroundMotion) -> float:

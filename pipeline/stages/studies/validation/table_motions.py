@@ -38,7 +38,7 @@ _LARGEST = 4 * 1024**3
 _MOST, _MOST_TESTS = 30_000_000, 100_000
 """Numbers of a variable, those that are missing included, and tests."""
 
-_QUIET = 0.2
+QUIET = 0.2
 """Range of a component, as a share of the peak, below which it is noise, with digits of its own."""
 
 _RATE = 0.01
@@ -154,7 +154,7 @@ def _motion(path: Path, name: str, number: int, values: Array, interval: float) 
         given, rule = f"a vertical about {rest:.3g} m/s2 in test {number}", "it is without gravity"
         raise refused(path, name, given, rule, "take gravity off")
     try:
-        for moving in along.T[np.ptp(along, axis=0) > _QUIET * peak]:
+        for moving in along.T[np.ptp(along, axis=0) > QUIET * peak]:
             check_samples(moving, f"test {number}", interval)
     except InvalidInput as error:
         raise refused(path, name, error.given, error.rule, "mend or drop the test") from None

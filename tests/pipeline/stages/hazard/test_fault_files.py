@@ -57,6 +57,20 @@ def test_what_no_table_of_faults_has_is_refused(table: Path, text: str, words: s
             model((0.1, 50), (0.05, 20), (0.2, 10), (0.1, 4)),
             "pgv_cm_s: got medians that go the other way by 5 times; from the least",
         ),
+        (
+            f"{model((0.2, 10), (0.1, 5), (0.4, 20), (0.2, 10))}5,20,0.04,0.5,2,0.5\n"
+            "7,20,0.3,0.5,15,0.5\n",
+            "pga_g: got medians that go the other way by 2.5 times; from the nearest",
+        ),
+        (
+            f"{model((0.1, 10), (0.1, 10), (0.15, 15), (0.15, 15))}6,10,0.3,0.5,30,0.5\n"
+            "6,30,0.1,0.5,10,0.5\n",
+            "pga_g: got medians that go the other way by 2 times; from the least",
+        ),
+        (
+            model((0.2, 10), (0.1, 5), (0.4, 20), (0.2, 10)).replace("20,0.5", "20,3"),
+            "pgv_log_sd: got '3' in row 3",
+        ),
     ],
 )
 def test_what_no_ground_motion_model_has_is_refused(table: Path, text: str, words: str) -> None:

@@ -63,6 +63,12 @@ def added(offset: float) -> Change:
     return lambda data: data.assign(acceleration=data["acceleration"] + offset)
 
 
+def unsigned(data: xr.Dataset) -> xr.Dataset:
+    """The motion of the first test without its minus signs."""
+    data["acceleration"][0] = abs(data["acceleration"][0])
+    return data
+
+
 def filled(value: float) -> Change:
     """The motion of the first test with a gap of 0.1 s in its strongest shaking."""
 
@@ -271,6 +277,11 @@ def test_records_that_differ_from_the_table_are_told(
 ) -> None:
     (line,) = told(tmp_path, change)
     assert line.startswith(words)
+
+
+def test_records_without_their_minus_signs_are_told(tmp_path: Path) -> None:
+    words = "1 test of records.nc (1) may be sorted, or have lost order, minus signs or exponents"
+    assert words in told(tmp_path, unsigned)
 
 
 def test_a_specimen_has_one_number_however_it_is_written(tmp_path: Path) -> None:
