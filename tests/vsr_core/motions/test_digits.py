@@ -58,6 +58,7 @@ def test_of_numbers_that_were_never_rounded_it_is_nothing() -> None:
             lambda values: np.where(np.arange(len(values)) % 5, values, np.abs(values)),
             ["EW jumps to and fro by "],
         ),
+        (lambda values: values[: len(values) // 8 * 8].reshape(-1, 8)[::-1].ravel(), ["EW steps "]),
     ],
 )
 def test_shaking_that_was_sorted_or_lost_signs_or_exponents_is_told(

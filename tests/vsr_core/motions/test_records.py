@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import copy
 import io
+import itertools
 import math
 import re
 from dataclasses import replace
@@ -953,6 +954,28 @@ def test_a_miniseed_that_contradicts_its_last_sample_is_refused(encoding: str) -
     read(bytes(content), ".mseed", how)
     content[1000] ^= 1
     refusal(lambda: read(bytes(content), ".mseed", how), "contradict the last one")
+
+
+@pytest.mark.parametrize("encoding", ["STEIM1", "STEIM2", "INT32", "FLOAT64"])
+def test_a_flipped_bit_in_how_a_record_is_laid_out_is_refused(encoding: str) -> None:
+    """Of its encoding, its length and where its data begin, in any record: samples are lost."""
+    obspy = pytest.importorskip("obspy")
+    waves, how = io.BytesIO(), Reading(unit="m/s2")
+    counts = np.round(1e4 * np.sin(0.1 * np.arange(3000.0)))
+    shaking = obspy.Trace(counts.astype("f8" if encoding == "FLOAT64" else "i4"), {"delta": STEP})
+    shaking.stats.channel = "HNE"
+    shaking.write(waves, format="MSEED", encoding=encoding, reclen=512)
+    whole = waves.getvalue()
+    exact = read(whole, ".mseed", how).acceleration
+    for record in (0, 1, len(whole) // 512 - 1):
+        for byte, bit in itertools.product((44, 45, 52, 54), range(8)):
+            content = bytearray(whole)
+            content[512 * record + byte] ^= 1 << bit
+            try:
+                found = read(bytes(content), ".mseed", how).acceleration
+            except InvalidInput:
+                continue
+            np.testing.assert_array_equal(found, exact)
 
 
 def test_a_sac_file_of_text_that_is_cut_is_refused() -> None:

@@ -63,7 +63,7 @@ def read_waveforms(
             if rate is not None:
                 stream[0].stats.sampling_rate = rate  # of which ObsPy takes the whole part
             if kind == "MSEED":
-                miniseed.check(content)
+                miniseed.check(content, sum(len(trace) for trace in stream))
             if kind == "SACXY" and not content.endswith(b"\n"):
                 given = "a SAC file of text whose last line has no end"
                 raise InvalidInput(given, "it is whole", "download it again, or end the line")
