@@ -36,6 +36,13 @@ _FEW = 10
 """Events whose PGV may be 0 although their PGA is strong, beside a quarter of all such."""
 
 
+_SORTED = 30
+"""Events whose shaking has no order."""
+
+FARTHEST = 1_000
+"""Distance [km] of a rupture that shakes a site: calculations stop at 200 to 500 km."""
+
+
 @dataclass(frozen=True, eq=False)
 class EventSet:
     """Branches with the curves of their events, and the events."""
@@ -203,7 +210,19 @@ def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | No
         order = np.argsort(at)
         at, accelerations = at[order], accelerations[order]
         velocities = velocities[order] if velocities is not None else None
+    _check_order(path, "gmv_PGA", accelerations)
+    if velocities is not None:
+        _check_order(path, "gmv_PGV", velocities)
     return at, accelerations, velocities
+
+
+def _check_order(path: Path, name: str, values: Array) -> None:
+    """Refuse shaking that only rises or falls from event to event: the column is sorted."""
+    steps = np.diff(values)
+    one_way = (steps >= 0.0).all() or (steps <= 0.0).all()
+    if len(values) >= _SORTED and one_way and steps.any():
+        given, rule = "values sorted by the numbers of events", "each is of the event of its row"
+        raise refused(path, name, given, rule, "export it again")
 
 
 def _check_pgv(path: Path, pga: Array, pgv: Array) -> None:
@@ -256,6 +275,10 @@ def _ruptures(told: EventTables, of_events: Indices) -> tuple[Indices, Ruptures 
     north = place.lat - found["centroid_lat"]
     east = east * np.cos(np.radians(place.lat))
     distance = distance_of(found["mag"], east, north, found["strike"], found["dip"])
+    if (farthest := float(distance[at].max())) > FARTHEST:
+        given = f"a rupture {farthest:,.0f} km from {place.lat:g}, {place.lon:g}"
+        rule = f"no event is felt beyond {FARTHEST:,} km"
+        raise refused(path, "centroid_lon, centroid_lat", given, rule, "correct the site")
     return at.astype(np.int32), Ruptures(found["mag"], distance)
 
 

@@ -183,6 +183,12 @@ def test_branches_without_weight_are_left_out_with_their_events(tmp_path: Path) 
         ("sitemesh", "9q6", "9q7", "got '9q7' and '9q6'; all shaking is at one site"),
         ("ruptures", "\n30,2,", "\n30,4,", "rup_id: got 2 events of rupture 30; it has 4"),
         ("ruptures", "\n30,2,", "\n30,0,", "multiplicity: got 0 in row 2"),
+        (
+            "sitemesh",
+            "-121.0,35.0",
+            "-121.0,45.0",
+            "km from 45, -121; no event is felt beyond 1,000 km",
+        ),
         ("sitemesh", "35.0\n", "35.0\n9q7,-121.1,35.0\n", "lon, lat: got 2 sites"),
     ],
 )
@@ -337,6 +343,19 @@ def test_shaking_that_is_lost_is_refused(
     with pytest.raises(InputError, match=words) as error:
         event_files.load(rewritten(EventSet(2_000.0).write(tmp_path), change), None)
     assert str(error.value).count("\n") == 0
+
+
+@pytest.mark.parametrize("name", ["gmv_PGA", "gmv_PGV"])
+def test_a_column_of_shaking_that_was_sorted_is_refused(tmp_path: Path, name: str) -> None:
+    folder = EventSet(2_000.0).write(tmp_path)
+    path, at = folder / "gmf-data_1.csv", ["gmv_PGA", "gmv_PGV"].index(name) + 1
+    first, names, *rows = path.read_text().splitlines()
+    cells = sorted((row.split(",") for row in rows), key=lambda row: int(row[0]))
+    for row, value in zip(cells, sorted(float(row[at]) for row in cells), strict=True):
+        row[at] = repr(value)
+    path.write_text("\n".join([first, names, *map(",".join, cells), ""]))
+    with pytest.raises(InputError, match=f"{name}: got values sorted by the numbers of events"):
+        event_files.load(folder, None)
 
 
 @pytest.mark.parametrize("kept", [1, 2, "0", "2"])
