@@ -1024,6 +1024,14 @@ def test_a_study_that_is_compared_lies_over_all_of_the_command_that_it_goes_with
     assert [line.partition(": a: ")[2] for line in found.told] == [told] * bool(without)
 
 
+def test_a_direction_in_radians_of_a_comparison_is_told(vsr: Callable[..., Ran]) -> None:
+    compare = "hazard.compare=[{name: turned, set: [yaw=0.785]}, {name: east, set: [yaw=45]}]"
+    ran = vsr("plan", "hazard", "--site", "double_rock", "--set", compare)
+    assert ran.code == cli.DONE, ran.err
+    assert "warning: --set: hazard.compare: turned: --set: yaw: got 0.785" in ran.err
+    assert ran.err.count("warning: ") == 1
+
+
 @pytest.mark.slow
 def test_what_a_comparison_leaves_out_of_the_command_is_told_once(vsr: Callable[..., Ran]) -> None:
     compare = "hazard.compare=[{name: coarse, study: coarse_grid}]"

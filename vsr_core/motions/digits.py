@@ -28,9 +28,9 @@ motion may stop and start than it bends elsewhere. Of 490 recorded shake-table m
 _STRAIGHT, _LINES = 0.005, 2.5
 """Share of the largest bend about it that is none; lines from which on they join the values."""
 
-_SHORT, _OTHER_SIDE = 100, 0.05
+_SHORT, _OTHER_SIDE, _TURNS = 100, 0.05, 0.01
 """Samples below which nothing is told; times as far as to one side that shaking goes to the other,
-at least."""
+at least; and share of its steps in which it turns."""
 
 _JUMPY = 1.7
 """Second differences of an acceleration as multiples of its peak that are told: a sine's is, of
@@ -42,6 +42,9 @@ _IN_A_LINE, _LINES_AT_LEAST, _SEAMS = range(3, 13), 50, 2.0
 as far a record may step from one to the next as within. Of 19 records at 50 to 200 Hz it is 1.25 at
 most, of those with their lines shuffled or reversed 2.3 at least; of 490 recorded shake-table
 motions 1.44 at 200 Hz, and above 2 of 4 at 100 Hz."""
+
+_REPEATED = 20
+"""Samples in a row that no shaking has a second time: of 490 recorded shake-table motions none."""
 
 _FEWEST = 10
 """Digits from rest to peak of a record. Of 59 records, PGV/PGA was 0.85 to 1.31 times what it is of
@@ -215,8 +218,14 @@ def refuse_still(values: Array, name: str, step: float) -> None:
     near = _RESTS * np.abs(values - middle).max()
     for start, length in runs(steps == 0.0):
         end = start + length
+        if length < _STANDS or length * step < 0.999 * _FOR:
+            continue
         inside = start > _BESIDE and end < len(steps) - _BESIDE
-        if not inside or length < _STANDS or length * step < 0.999 * _FOR:
+        if not inside and _held_at_an_end(values, start, end, least):
+            given = f"{length + 1} samples in a row of {values[start]:.6g} ({name}) at an end"
+            rule = "the last or first of the shaking is held there"
+            raise InvalidInput(given, rule, "cut them off")
+        if not inside:
             continue
         beside = values[start - 1 - _BESIDE : start], values[end + 1 : end + 2 + _BESIDE][::-1]
         pace = min(np.median(np.abs(np.diff(side))) for side in beside)
@@ -232,25 +241,29 @@ def refuse_still(values: Array, name: str, step: float) -> None:
 def disfigured(values: Array, name: str) -> Iterator[str]:
     """What an acceleration may have lost that no shaking lacks, in words.
 
-    Of 490 recorded shake-table motions each goes at least 0.25 times as far to one side of where it
-    begins as to the other.
+    Of 490 recorded shake-table motions each goes at least 0.25 times as far to one side of zero as
+    to the other, and turns in a fifth of its steps; of 19 records in a thirtieth.
 
     Parameters
     ----------
     values : ndarray, shape (n,), in the unit of the file
     """
+    values = values[np.isfinite(values)]
     if len(values) < _SHORT or not np.ptp(values):
         return
     steps, begin = np.diff(values), float(np.median(values[: max(1, len(values) // 100)]))
-    sides = [sorted((values.max() - rest, rest - values.min())) for rest in (0.0, begin)]
-    size = np.abs(values[values != 0.0])
-    there_and_back = np.abs(np.diff(steps)).max() / np.abs(values - begin).max()
+    size, peak = np.abs(values[values != 0.0]), float(np.abs(values - begin).max())
+    less, more = sorted((abs(values.max()), abs(values.min())))
+    one_side = values.min() * values.max() >= 0.0 or less < _OTHER_SIDE * more
+    turns = np.count_nonzero(np.diff(np.sign(steps[steps != 0.0]))) / len(steps)
+    far = max(abs(values[0] - begin), abs(values[-1] - begin), np.abs(steps).max()) / peak
+    there_and_back = np.abs(np.diff(steps)).max() / peak
     seams, number = max(_seams(steps), default=(0.0, 0))
-    if not steps.min() < 0.0 < steps.max():
-        yield f"{name} never turns: its samples may be sorted"
-    elif all(less < _OTHER_SIDE * more for less, more in sides):
-        yield f"{name} is on one side of zero and of where it begins: minus signs may be lost"
-    elif values.min() < 0.0 < values.max() and size.max() < 10.0 * size.min():
+    if not turns or (turns < _TURNS and far > 0.5):
+        yield f"{name} hardly turns: its samples may be sorted"
+    elif one_side and np.abs(values).min() < _OTHER_SIDE * more:
+        yield f"{name} is on one side of zero and reaches it: minus signs may be lost"
+    elif not one_side and size.max() < 10.0 * size.min() and len(np.unique(size)) > _SHORT:
         yield f"{name} has numbers of one power of ten alone: their exponents may be lost"
     elif there_and_back > _JUMPY:
         yield (
@@ -262,6 +275,22 @@ def disfigured(values: Array, name: str) -> Iterator[str]:
             f"{name} steps {seams:.2g} times as far after each {number} samples as between them: "
             "lines of its file may be out of order"
         )
+    if again := _again(values, peak):
+        yield f"{name} has {again} samples a second time: lines of its file may stand there twice"
+
+
+def _held_at_an_end(values: Array, start: int, end: int, least: float) -> bool:
+    """Whether samples that stay the same up to an end are of the shaking, and no rest."""
+    backwards = start <= _BESIDE
+    if backwards:
+        values, start, end = values[::-1], len(values) - 1 - end, len(values) - 1 - start
+    beside = values[max(start - _BESIDE, 0) : start + 1]
+    if end < len(values) - 1 or len(beside) <= _BESIDE:
+        return False
+    begin = np.median(values[: max(1, start // 50)])
+    away = min(abs(values[end]), abs(values[end] - begin))
+    pace = np.median(np.abs(np.diff(beside)))
+    return bool(away > _OTHER_SIDE * np.abs(values - begin).max() and pace > _AMID * least)
 
 
 def _seams(steps: Array) -> Iterator[tuple[float, int]]:
@@ -271,6 +300,21 @@ def _seams(steps: Array) -> Iterator[tuple[float, int]]:
             lines = np.abs(steps[: len(steps) // number * number]).reshape(-1, number)
             mean = lines.mean(axis=0)
             yield float(mean.max() / max(np.median(mean), 1e-300)), number
+
+
+def _again(values: Array, peak: float) -> int:
+    """Samples of shaking that follow each other as others did before, to the last digit.
+
+    None of a motion that repeats itself throughout, as a wave without an end.
+    """
+    parts = np.lib.stride_tricks.sliding_window_view(values, _REPEATED)
+    shaken = np.flatnonzero(np.ptp(parts, axis=1) > _OTHER_SIDE * peak)
+    ranks = np.unique(values, return_inverse=True)[1].astype(np.uint64)
+    odd = np.random.default_rng(0).integers(1 << 63, size=_REPEATED, dtype=np.uint64) * 2 + 1
+    marks = sum(ranks[at : at + len(parts)] * number for at, number in enumerate(odd))
+    _, first = np.unique(marks[shaken], return_index=True)
+    again = len(shaken) - len(first)
+    return again + _REPEATED - 1 if 0 < again < 0.5 * len(shaken) else 0
 
 
 def _jumps(rest: float, beside: tuple[Array, Array], least: float) -> bool:

@@ -225,10 +225,17 @@ def _compared(hazard: HazardConfig, origin: Origin) -> tuple[tuple[Other, ...], 
             raise _of_comparison(origin, one.name, error) from None
         _check_comparison(origin, one, site)
         compared.append(Other(one.name, site, folder_of(one.name)))
+        place = f"{origin.file_of('hazard.compare')}: hazard.compare: {one.name}"
+        told += [f"{place}: {slip}" for slip in warnings(site) if _is_own(slip.key, site, origin)]
         if without:
-            place = f"{origin.file_of('hazard.compare')}: hazard.compare: {one.name}"
             told.append(f"{place}: {one.study} does not go with {without}; compared without")
     return tuple(compared), tuple(told)
+
+
+def _is_own(key: str, site: Site, origin: Origin) -> bool:
+    """Whether a comparison sets a key itself."""
+    place = tuple(key.split("."))
+    return site.places.get(place) != origin.places.get(place)
 
 
 def _with_other_settings(one: Comparison, origin: Origin) -> tuple[Site, str]:

@@ -32,6 +32,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.judge.proofs import barrier
 from vsr_core.rock import solid
 from vsr_core.rock.body import Rock
+from vsr_core.rock.doubts import doubts
 from vsr_core.rock.solid import Solid
 from vsr_core.rock.tipping import base_polygon, tipping
 
@@ -52,7 +53,7 @@ def make(
 ) -> Product:
     """Read, check, weigh and set down the rock."""
     found = scan or placed
-    made, level, origin, repaired = _solid(work, rock, source, found)
+    made, level, origin, repaired, doubtful = _solid(work, rock, source, found)
     if rolling_friction > 0.05 * made.rock.radius:
         raise InputError(
             Problem(
@@ -70,7 +71,7 @@ def make(
         dataset = dataset.merge(of_contact(*of_rock), combine_attrs="no_conflicts")
     dataset.attrs |= {
         **origin,
-        "repaired": "; ".join(repaired),
+        "repaired": "; ".join((*repaired, *doubtful)),
         "mass_kg": made.rock.mass,
         "volume_m3": made.volume,
         "turned_to_rest_deg": turned,
@@ -78,17 +79,19 @@ def make(
     note = f"{origin['shape_source']}; {made.rock.mass:.4g} kg, turned {turned:.2f} deg to rest"
     if repaired:
         note += "; repaired, as `vsr prep` shows"
+    if doubtful:
+        note += f"; doubtful: {'; '.join(doubtful)}"
     return Product({RockData.FILE: netcdf(described(dataset, work, "Rock"))}, note)
 
 
 def _solid(
     work: Work, rock: RockConfig, source: Source | None, scan: ScanData | PlacedData | None
-) -> tuple[Solid, Rock, Origin, tuple[str, ...]]:
-    """The rock as it stands, the same on level ground, where it is from, what was repaired."""
+) -> tuple[Solid, Rock, Origin, tuple[str, ...], tuple[str, ...]]:
+    """The rock as it stands, the same on level ground, where from, what was repaired or is odd."""
     if source is None:
         assert rock.size is not None
         made = solid.box(rock.size, rock.density)
-        return made, made.rock, {"shape_source": "box", "surrogate": 0}, ()
+        return made, made.rock, {"shape_source": "box", "surrogate": 0}, (), ()
     where = f"{work.origin.file_of('rock.mesh')}: rock.mesh"
     if scan is not None:
         mesh, origin, repaired = _from_scan(work, scan)
@@ -106,7 +109,7 @@ def _solid(
         level = solid.standing(made.rock) if scan is not None else made.rock
     except InvalidInput as error:
         raise InputError.from_invalid(where, name, error) from None
-    return made, level, origin, repaired
+    return made, level, origin, repaired, tuple(doubts(mesh))
 
 
 def _from_scan(

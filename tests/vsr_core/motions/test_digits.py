@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import record_files as files
 
+from vsr_core.errors import InvalidInput
 from vsr_core.motions import digits
 
 NUMBERS = st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=40)
@@ -40,8 +41,16 @@ def test_of_numbers_that_were_never_rounded_it_is_nothing() -> None:
     [
         (lambda values: values, []),
         (lambda values: values + 2.0 * np.abs(values).max(), []),  # an offset
-        (np.sort, ["EW never turns: its samples may be sorted"]),
-        (np.abs, ["EW is on one side of zero and of where it begins: minus signs may be lost"]),
+        (np.sort, ["EW hardly turns: its samples may be sorted"]),
+        (
+            lambda values: np.array([float(one) for one in sorted(map(repr, values.tolist()))]),
+            ["EW hardly turns: its samples may be sorted"],
+        ),
+        (np.abs, ["EW is on one side of zero and reaches it: minus signs may be lost"]),
+        (
+            lambda values: np.abs(values + 0.1 * np.abs(values).max()),
+            ["EW is on one side of zero and reaches it: minus signs may be lost"],
+        ),
         (
             lambda values: np.array([float(f"{one:.4e}".split("e")[0]) for one in values]),
             ["EW has numbers of one power of ten alone: their exponents may be lost"],
@@ -59,6 +68,11 @@ def test_of_numbers_that_were_never_rounded_it_is_nothing() -> None:
             ["EW jumps to and fro by "],
         ),
         (lambda values: values[: len(values) // 8 * 8].reshape(-1, 8)[::-1].ravel(), ["EW steps "]),
+        (
+            lambda values: np.concatenate([values[:300], values[250:300], values[350:]]),
+            ["EW has 50 samples a second time: lines of its file may stand there twice"],
+        ),
+        (lambda values: np.where(np.arange(len(values)) == 200, np.nan, values), []),
     ],
 )
 def test_shaking_that_was_sorted_or_lost_signs_or_exponents_is_told(
@@ -68,3 +82,15 @@ def test_shaking_that_was_sorted_or_lost_signs_or_exponents_is_told(
     found = list(digits.disfigured(change(values), "EW"))
     assert len(found) == len(told)
     assert all(map(str.startswith, found, told))
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_shaking_whose_end_is_held_is_refused_and_one_that_rests_is_not(backwards: bool) -> None:
+    values = files.shaking(7, 100.0, 8.0, 4.0, 0.6)
+    at = int(np.abs(values).argmax()) + 3
+    held, rests = values.copy(), np.concatenate([values, np.zeros(200)])
+    held[at:] = held[at]
+    for one in (rests, np.repeat([0.0, 1.0, -1.0], 40)):
+        digits.refuse_still(one[::-1] if backwards else one, "EW", 0.01)
+    with pytest.raises(InvalidInput, match="at an end; the last or first of the shaking is held"):
+        digits.refuse_still(held[::-1] if backwards else held, "EW", 0.01)

@@ -8,6 +8,7 @@ import io
 import itertools
 import math
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -606,6 +607,32 @@ def test_response_of_obspys_example_is_removed(tmp_path: Path) -> None:
         refusal(lambda other=other: read(path.read_bytes(), ".mseed", other), words)
     bare = replace(how, corners=None)
     refusal(lambda: read(path.read_bytes(), ".mseed", bare), "motion.response.corners")
+
+
+def test_counts_and_poles_that_lost_their_signs_are_told() -> None:
+    obspy = pytest.importorskip("obspy")
+    (trace,), xml = obspy.read().select(channel="EHZ"), io.BytesIO()
+    obspy.read_inventory().write(xml, format="STATIONXML")
+
+    def told(response: bytes, change: Callable[[np.ndarray], np.ndarray]) -> list[str]:
+        waves, changed = io.BytesIO(), trace.copy()
+        changed.data = change(np.rint(trace.data).astype("i4"))
+        changed.write(waves, format="MSEED")
+        how = Reading("EHZ", None, response, (0.5, 1.0, 20.0, 30.0))
+        return list(read(waves.getvalue(), ".mseed", how).repairs)
+
+    whole, name = xml.getvalue(), "BW.RJOB..EHZ"
+    assert told(whole, lambda counts: counts) == []
+    (said,) = told(whole, np.abs)
+    assert said == f"{name} is on one side of zero and reaches it: minus signs may be lost"
+    (said,) = told(whole, np.sort)
+    assert said == f"{name} hardly turns: its samples may be sorted"
+    for part, words in (
+        (b"Imaginary", "poles or zeros of {} lack their conjugates: signs may be lost"),
+        (b"Real", "poles of {} grow with time: signs may be lost"),
+    ):
+        lost = re.sub(b"(<%s[^>]*>)-" % part, rb"\1", whole)
+        assert words.format(name) in told(lost, lambda counts: counts)
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.2])

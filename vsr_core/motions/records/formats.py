@@ -71,7 +71,7 @@ def read_waveforms(
             _check_quantity(stream)
             if response is not None:
                 inventory = obspy.read_inventory(io.BytesIO(response), format="STATIONXML")
-                stream = without_response(stream, inventory, corners)
+                stream, doubts = without_response(stream, inventory, corners)
             else:
                 doubts = _check_is_acceleration(stream)
             stream.merge()

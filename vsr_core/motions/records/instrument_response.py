@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
+from vsr_core.motions.digits import disfigured
 from vsr_core.motions.records.record import check_samples
 from vsr_core.motions.records.station import channel_of
 
@@ -20,8 +22,8 @@ _ALIKE = 3.0
 """Factor within which a sensitivity is that of its stages, and poles and zeros are 1."""
 
 
-def without_response(stream: Any, inventory: Any, corners: Corners | None) -> Any:
-    """An ObsPy stream of accelerations [m/s^2], its gaps masked.
+def without_response(stream: Any, inventory: Any, corners: Corners | None) -> tuple[Any, list[str]]:
+    """An ObsPy stream of accelerations [m/s^2], its gaps masked; what is odd of it, in words.
 
     Parameters
     ----------
@@ -38,15 +40,18 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
         given = "a response without corners"
         rule = "dividing by it needs a band, or it makes noise of the ends of the spectrum"
         raise InvalidInput(given, rule, "give motion.response.corners, four frequencies [Hz]")
+    doubts: list[str] = []
     stream.merge()
     for trace in stream:
         trace.stats.response = channel_of(trace, inventory).response
         _check_response(trace.stats.response)
+        doubts += _doubts(trace.stats.response, trace.id)
         counts = np.ma.masked_invalid(np.ma.asarray(trace.data).astype(np.float64))
         missing, places = np.ma.getmaskarray(counts), np.arange(len(counts))
         there = places[~missing]  # a line between velocities would have jumps of acceleration
         within = np.clip(places, there[0], there[-1])
         whole = CubicSpline(there, counts.data[~missing])(within) if missing.any() else counts.data
+        doubts += disfigured(whole, trace.id)
         if np.ptp(whole):  # the taper makes a smooth pulse of what is no sample
             check_samples(whole, f"counts of {trace.stats.channel}", trace.stats.delta)
         line = np.polyval(np.polyfit(places, whole, 1), places)
@@ -59,8 +64,28 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> An
             raise InvalidInput(given, rule, "correct the response, or download it again")
         _check_upper_corners(trace, corners)
         trace.data = np.ma.masked_array(trace.data[ends : ends + len(whole)], missing)
-    return stream
+    return stream, doubts
 
+
+def _doubts(response: Any, name: str) -> Iterator[str]:
+    """Poles and zeros that no instrument has, in words."""
+    for stage in response.response_stages:
+        if str(getattr(stage, "pz_transfer_function_type", "")) in _LAPLACE:
+            poles, zeros = (np.array(of, complex) for of in (stage.poles, stage.zeros))
+            if not (_conjugate(poles) and _conjugate(zeros)):
+                yield f"poles or zeros of {name} lack their conjugates: signs may be lost"
+            if (poles.real > 0.0).any():
+                yield f"poles of {name} grow with time: signs may be lost"
+
+
+def _conjugate(roots: Array) -> bool:
+    """Whether the conjugate of each root is among them."""
+    apart = np.abs(roots[:, None] - roots.conj()).min(axis=1, initial=math.inf)
+    return bool((apart <= _SAME_ROOT * np.abs(roots)).all())
+
+
+_SAME_ROOT = 1e-3
+"""How far, by its size, a root may be from the conjugate of another: they are written in digits."""
 
 FAINTEST = 0.1
 """Least response divided by above its greatest, as a share of that: the last digits of counts grow

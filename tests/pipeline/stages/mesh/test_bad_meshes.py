@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -371,6 +372,21 @@ def test_split_vertices_are_merged(
     rock = weighed(vsr, tmp_path, derived, "rock.ply")
     see_that_it_is_the_prism(rock)
     assert "28 split vertices merged" in rock.attrs["repaired"]
+
+
+def test_a_vertex_that_stands_out_is_told(
+    tmp_path: Path, vsr: Callable[..., Any], derived: Path
+) -> None:
+    mesh = ball()
+    mesh.vertices[mesh.vertices[:, 0].argmax(), 0] *= 2.0
+    (tmp_path / "rock.ply").write_bytes(mesh.export(file_type="ply"))
+    ran = vsr("run", "rock", "--site", site(tmp_path, "rock.ply"))
+    assert ran.code == 0, ran.err
+    (place,) = re.findall(
+        "; doubtful: the vertex at (1, .*?) m stands out by 0.5", ran.out + ran.err
+    )
+    assert place
+    assert "stands out by" in read(derived / "scan" / "rock.nc").attrs["repaired"]
 
 
 def test_vertices_split_by_texture_are_merged(

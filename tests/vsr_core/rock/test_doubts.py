@@ -1,0 +1,49 @@
+"""Vertices that stand out, and rocks folded on themselves, are told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from vsr_core.rock.doubts import doubts
+from vsr_core.surrogates.double_rock import double_rock
+
+SCALES = (0.5, 0.4, 0.9)
+
+
+def stone() -> trimesh.Trimesh:
+    mesh = trimesh.creation.icosphere(subdivisions=3)
+    points = mesh.vertices * SCALES * (1.0 + 0.08 * np.sin(3.0 * mesh.vertices[:, :1]))
+    return trimesh.Trimesh(points, mesh.faces, process=False)
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        stone(),
+        trimesh.creation.box((1.0, 0.5, 3.0)),
+        trimesh.creation.cylinder(0.3, 2.0),
+        trimesh.creation.uv_sphere(),
+        trimesh.Trimesh(*double_rock()),
+    ],
+)
+def test_rocks_of_few_and_of_many_faces_are_not_doubted(mesh: trimesh.Trimesh) -> None:
+    assert list(doubts(mesh)) == []
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_vertex_thrown_out_is_named_with_its_place(axis: int) -> None:
+    """As by a flipped bit of an exponent."""
+    mesh = stone()
+    at = int(mesh.vertices[:, axis].argmax())
+    mesh.vertices[at, axis] *= 2.0
+    (told,) = doubts(mesh)
+    assert f"{mesh.vertices[at, axis]:.3g}" in told
+    assert told.startswith("the vertex at ")
+
+
+def test_a_rock_that_lost_its_minus_signs_is_told() -> None:
+    mesh = stone()
+    mesh.vertices[:, 0] = np.abs(mesh.vertices[:, 0]) + 0.01 * mesh.vertices[:, 2]
+    assert any("its convex hull: signs of coordinates may be lost" in told for told in doubts(mesh))
