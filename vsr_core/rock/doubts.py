@@ -1,4 +1,4 @@
-"""What of a rock's surface is doubtful and stays as it is."""
+"""What of a scanned surface is doubtful and stays as it is."""
 
 from __future__ import annotations
 
@@ -21,11 +21,23 @@ FILLED = 0.5
 
 
 def doubts(mesh: trimesh.Trimesh) -> Iterator[str]:
-    """Vertices that stand out as none of a rock does, and surfaces laid on each other, in words.
+    """Vertices of a rock that stand out, and surfaces laid on each other, in words.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh [m], closed
+    """
+    yield from spikes(mesh)
+    if (filled := mesh.volume / mesh.convex_hull.volume) < FILLED:
+        yield f"the rock fills {filled:.0%} of its convex hull: signs of coordinates may be lost"
+
+
+def spikes(mesh: trimesh.Trimesh) -> Iterator[str]:
+    """Vertices that stand out as none of a rock or of ground does, in words.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh [m], each vertex of a face
     """
     away, around = _beside(mesh)
     least = LEAST * float(np.max(mesh.extents))
@@ -33,8 +45,6 @@ def doubts(mesh: trimesh.Trimesh) -> Iterator[str]:
         place = ", ".join(f"{value:.3g}" for value in mesh.vertices[out[0]])
         others = f" and {len(out) - 1} more" if len(out) > 1 else ""
         yield f"the vertex at {place} m{others} stands out by {away[out].max():.3g} m"
-    if (filled := mesh.volume / mesh.convex_hull.volume) < FILLED:
-        yield f"the rock fills {filled:.0%} of its convex hull: signs of coordinates may be lost"
 
 
 def _beside(mesh: trimesh.Trimesh) -> tuple[Array, Array]:

@@ -49,7 +49,7 @@ from vsr_core.errors import reason
 
 SUFFIXES = (".hdf5", ".h5")
 
-_STORED = "hcurves-rlzs"
+_STORED, _STATISTICS = "hcurves-rlzs", "hcurves-stats"
 _NAME = re.compile(r"hazard_curve-(mean|rlz-(\d+))-(\w+?)(?:_\d+)?\.csv")
 YEARS = re.compile(r"\binvestigation_time\s*=\s*([^\s,'\"]+)")
 _MEASURE = re.compile(r"imt\s*=\s*['\"]*([A-Za-z]+(?:\([^)]*\))?)")
@@ -143,8 +143,9 @@ def _other_means(
         off = min(float(((abs(one - told) - _TINY) / (told + _TINY)).max()) for one in means)
         if off > _OFF:
             yield (
-                f"{path.name} is up to {100.0 * off:.3g} % off the mean of the realizations, "
-                "which count: a curve or a weight may be of another calculation"
+                f"the mean of {mean.measure} in {path.name} is up to {100.0 * off:.3g} % off the "
+                "mean of the realizations, which count: a curve or a weight may be of another "
+                "calculation"
             )
 
 
@@ -191,6 +192,7 @@ def load_calculation(path: Path) -> HazardModel:
         paths = paths_of(file, settings, number)
         years = number_of(settings["investigation_time"])
         known = {name: [number_of(level) for level in levels[name]] for name in measures}
+        mean = _mean(file, poes.shape)
     check_sites(path, sites, lon.size, lat.size)
     if number > _MOST_BRANCHES:
         given, rule = f"{number:,} realizations", f"there are at most {_MOST_BRANCHES:,}"
@@ -209,11 +211,28 @@ def load_calculation(path: Path) -> HazardModel:
         for measure, own in zip(used, of_branch, strict=True):
             one = {"measure": measure, "levels": known[measure], "values": own}
             curves[at, measure] = path, checked(path, GivenCurve, place | one)
+    if mean is not None:
+        for measure in used:
+            own = mean[measures.index(measure)].tolist()
+            one = {"measure": measure, "levels": known[measure], "values": own}
+            curves[MEAN, measure] = path, checked(path, GivenCurve, place | one)
     branches = [
         checked(path, Realization, {"rlz_id": at, "branch_path": name, "weight": weight})
         for at, (name, weight) in enumerate(zip(paths, weights.tolist(), strict=True))
     ]
-    return model(path, curves, branches)
+    return model(path, curves, branches, *_other_means(curves, branches))
+
+
+def _mean(file: Any, shape: tuple[int, ...]) -> Array | None:
+    """The mean curves of a calculation of one site by measure and level, where it has them."""
+    if _STATISTICS not in file:
+        return None
+    values = numbers(file[_STATISTICS])
+    names = json.loads(attribute(file[_STATISTICS], "json"))["stat"]
+    sites, _, measures, levels = shape
+    if values.shape != (sites, len(names), measures, levels):
+        raise ValueError(f"{_STATISTICS} of {values.shape} beside {_STORED} of {shape}")
+    return np.array(values[0, names.index("mean")]) if "mean" in names else None
 
 
 @contextmanager

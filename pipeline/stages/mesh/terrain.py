@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
+import trimesh
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
@@ -20,6 +21,7 @@ from pipeline.workflow.engine_input import Engine
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
+from vsr_core.rock.doubts import spikes
 from vsr_core.run.displacement import held_toward
 from vsr_core.scan import seat
 from vsr_core.scene import State
@@ -55,6 +57,8 @@ def make(
     except InvalidInput as error:
         raise _refusal(work.origin, error, own_file=scan is None) from None
     scanned = seating.whole_ground(data)
+    for told in spikes(trimesh.Trimesh(scanned.vertices, scanned.faces)):
+        work.log(f"{work.stage}: doubtful: {told}")
     starts = [scene.start for scene in scenes if scene.start is not None]
     dataset = _dataset(scanned, laid, terrain, starts)
     dataset = dataset.assign_coords(friction=list(contact.friction))

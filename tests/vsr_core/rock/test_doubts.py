@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from vsr_core.rock.doubts import doubts
+from vsr_core.rock.doubts import doubts, spikes
 from vsr_core.surrogates.double_rock import double_rock
 
 SCALES = (0.5, 0.4, 0.9)
@@ -47,3 +47,21 @@ def test_a_rock_that_lost_its_minus_signs_is_told() -> None:
     mesh = stone()
     mesh.vertices[:, 0] = np.abs(mesh.vertices[:, 0]) + 0.01 * mesh.vertices[:, 2]
     assert any("its convex hull: signs of coordinates may be lost" in told for told in doubts(mesh))
+
+
+@pytest.mark.parametrize("height", [None, 5.0, -5.0])
+def test_a_vertex_thrown_out_of_open_ground_is_told(height: float | None) -> None:
+    """Ground of steps as high as its cells are wide has none."""
+    x, y = np.meshgrid(np.arange(12.0), np.arange(12.0), indexing="ij")
+    z = np.floor(x / 3.0)
+    if height is not None:
+        z[5, 6] += height
+    corner = np.arange(144).reshape(12, 12)
+    a, b, c, d = (
+        corner[i : 11 + i, j : 11 + j].ravel() for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))
+    )
+    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    told = list(spikes(trimesh.Trimesh(points, faces, process=False)))
+    assert len(told) == (height is not None)
+    assert all(line.startswith("the vertex at 5, 6, ") for line in told)

@@ -70,6 +70,30 @@ def test_a_calculation_is_read(tmp_path: Path, older: bool) -> None:
         np.testing.assert_allclose(one.pgv.levels, [0.005, 0.05, 0.5])
 
 
+@pytest.mark.parametrize("changed", [False, True])
+def test_realizations_that_contradict_the_mean_of_the_file_are_told(
+    tmp_path: Path, changed: bool
+) -> None:
+    path = written(tmp_path / "calc_7.hdf5")
+    with h5py.File(path, "r+") as file:
+        curves = file["hcurves-rlzs"][()]
+        mean = np.tensordot(WEIGHTS, curves[0], axes=1)
+        file["hcurves-stats"] = np.stack([curves[0, 1], mean])[None].astype("f4")
+        said = {"imt": list(LEVELS), "stat": ["quantile-0.95", "mean"]}
+        file["hcurves-stats"].attrs["json"] = json.dumps(said)
+        if changed:
+            file["weights"][...] = WEIGHTS[::-1]
+    told = curve_folder.load(path).unused
+    assert len(told) == 2 * changed
+    assert all("% off the mean of the realizations" in line for line in told)
+    with h5py.File(path, "r+") as file:
+        del file["hcurves-stats"]
+        file["hcurves-stats"] = curves[:, :, :2]
+        file["hcurves-stats"].attrs["json"] = json.dumps(said)
+    with pytest.raises(InputError, match="hcurves-stats of "):
+        curve_folder.load(path)
+
+
 @pytest.mark.parametrize("sampled", [False, True])
 def test_realizations_of_several_regions_or_of_samples_have_numbers(
     tmp_path: Path, sampled: bool

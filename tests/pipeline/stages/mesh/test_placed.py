@@ -273,3 +273,17 @@ def test_a_refused_scan_is_drawn_with_its_ground() -> None:
     )
     figure = scan_figures.scan_from_sides(seen, np.empty((0, 3)), "scan")
     assert len(figure.axes) == 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("height", [0.0, 9.0])
+def test_a_vertex_thrown_out_of_the_ground_is_told(tmp_path: Path, vsr: Vsr, height: float) -> None:
+    terrain = ground(cells=12)
+    at = np.linalg.norm(terrain.vertices - [1.5, 0.0, 0.0], axis=1).argmin()
+    terrain.vertices[at, 2] = height
+    pose = pose_of(np.array([0.0, 0.0, 0.5 * SIZE[2] + 0.01]), Rotation.identity(), ", drop: true")
+    grid = ("--set", "motion={pga: 0.3, pgv_pga: 0.2}", "--workers", "0")
+    ran = vsr("run", "displacement", "--site", site(tmp_path, pose, terrain), *grid)
+    assert ran.code == 0, ran.err
+    told = [line for line in (ran.out + ran.err).splitlines() if "stands out by 9" in line]
+    assert len(told) == (height > 0.0)
