@@ -20,7 +20,9 @@ _TOLD = ("site", "study", "table")
 
 
 class Stored(argparse.Action):
-    """Keeps a value; an empty one, as of a shell's variable that is not set, is not taken for none.
+    """Keeps a value, of options that are given once.
+
+    An empty one, as of a shell's variable that is not set, is not taken for none.
 
     Raises
     ------
@@ -37,6 +39,11 @@ class Stored(argparse.Action):
         if option_string and values == "" and self.dest not in _TOLD:
             remedy = f"leave it out, or give {option_string} {self.metavar}: {self.help}"
             raise InputError(Problem(option_string, "", "''", "an empty text is no value", remedy))
+        given = vars(namespace).setdefault("given", set())
+        if option_string and self.dest in given:
+            rule, remedy = "an option has one value", "leave out the others"
+            raise InputError(Problem(option_string, "", "it twice", rule, remedy))
+        given.add(self.dest)
         setattr(namespace, self.dest, values)
 
 

@@ -61,6 +61,11 @@ LINES = {
     "no original": (("fetch", ""), "NAME: got ''", "double_rock"),
     "no figure": (("figures", "--fig", "99"), "--fig: got '99'", "table_1"),
     "a comma in an age": (("run", "hazard", *SITE, "--age", "20,000"), "--age", "'20,000'"),
+    "an age twice": (
+        ("run", "hazard", *SITE, "--age", "9e3", "--age", "2e3"),
+        "--age: got it twice; an option has one value; leave out the others",
+    ),
+    "two sites": (("plan", *SITE, "--site", "double_rock"), "--site: got it twice"),
     "an age below zero": (("run", "hazard", *SITE, "--age", "-5"), "hazard.age.mean: got -5"),
     "two ages": (
         ("run", "hazard", *SITE, "--age", "9e3", "--set", "hazard.age.mean=2000"),

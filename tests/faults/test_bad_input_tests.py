@@ -172,6 +172,19 @@ def test_a_blank_in_a_column_that_groups_tests_is_refused(
         read_tests(folder)
 
 
+@pytest.mark.parametrize("name", ["ground_motion", "series"])
+@pytest.mark.parametrize("other", ["KOBE 1", "Kobe\N{NO-BREAK SPACE}1", "Kobe  1"])
+def test_names_that_differ_in_capitals_or_blanks_are_refused(
+    folder: Path, name: str, other: str
+) -> None:
+    """They would part a group in two."""
+    (folder / OUTCOMES).write_text(
+        f"test,{name},pga_g,pgv_pga_s,specimen1\n1,Kobe 1,0.3,0.3,0\n2,{other},0.6,0.3,1\n"
+    )
+    with pytest.raises(InputError, match=f"{name}: got 'Kobe 1' and .*; each has one spelling"):
+        read_tests(folder)
+
+
 def test_rows_between_two_ditto_marks_are_missed(folder: Path) -> None:
     """A field between them holds what is in the lines from the first to the second."""
     rows = [f"{number},{name},0.3,0.3,0" for number, name in enumerate('a"ba"c')]

@@ -256,10 +256,10 @@ def disfigured(values: Array, name: str) -> Iterator[str]:
     less, more = sorted((abs(values.max()), abs(values.min())))
     one_side = values.min() * values.max() >= 0.0 or less < _OTHER_SIDE * more
     turns = np.count_nonzero(np.diff(np.sign(steps[steps != 0.0]))) / len(steps)
-    far = max(abs(values[0] - begin), abs(values[-1] - begin), np.abs(steps).max()) / peak
+    leap = np.abs(steps[(values[1:] != 0.0) & (values[:-1] != 0.0)]).max(initial=0.0)
     there_and_back = np.abs(np.diff(steps)).max() / peak
     seams, number = max(_seams(steps), default=(0.0, 0))
-    if not turns or (turns < _TURNS and far > 0.5):
+    if not turns or (turns < _TURNS and leap > 0.5 * peak):
         yield f"{name} hardly turns: its samples may be sorted"
     elif one_side and np.abs(values).min() < _OTHER_SIDE * more:
         yield f"{name} is on one side of zero and reaches it: minus signs may be lost"

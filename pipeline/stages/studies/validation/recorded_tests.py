@@ -199,6 +199,7 @@ def tests_in(folder: Path) -> Tests:
         raise refused(path, "", "a table without a row", "it has a row for each test", "add them")
     found = rows(path, TestRow, cells, once=("test",))
     _check_blanks(path, cells)
+    _check_names(path, found)
     there = (folder / RECORDS).exists()
     both = [one for one in zip(found, cells, strict=True) if one[0].has_record or not there]
     both.sort(key=lambda one: one[0].test)
@@ -281,6 +282,18 @@ def _check_blanks(path: Path, cells: list[dict[str, str]]) -> None:
                 given = f"{given or 'nothing'} in row {number}"
                 rule, remedy = "it is in each row, or in none", "add it, or leave out the column"
                 raise refused(path, name, given, rule, remedy)
+
+
+def _check_names(path: Path, found: list[TestRow]) -> None:
+    """Refuse names of motions and series that differ in capitals or blanks only."""
+    for key in ("ground_motion", "series"):
+        known: dict[str, str] = {}
+        for row in found:
+            name = getattr(row, key)
+            other = known.setdefault(" ".join(name.casefold().split()), name)
+            if other != name:
+                rule, remedy = "each has one spelling", "correct it in all rows"
+                raise refused(path, key, f"{other!r} and {name!r}", rule, remedy)
 
 
 def _unused(
