@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from vsr_core.motions import digits
+from vsr_core.motions import order
 from vsr_core.motions.records import directions
 from vsr_core.motions.records.record import Record, factor, is_acceleration
 
@@ -14,4 +14,4 @@ def doubts(components: Mapping[str, Record]) -> Iterator[str]:
     yield from directions.doubts(components)
     for one in components.values():
         unit = factor(one.unit) if is_acceleration(one.unit) else 1.0
-        yield from digits.disfigured(one.acceleration / unit, one.channels[0])
+        yield from order.doubts(one.acceleration / unit, one.channels[0])

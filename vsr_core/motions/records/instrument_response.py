@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.digits import disfigured
+from vsr_core.motions import order
 from vsr_core.motions.records.record import check_samples
 from vsr_core.motions.records.station import channel_of
 
@@ -51,7 +51,7 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> tu
         there = places[~missing]  # a line between velocities would have jumps of acceleration
         within = np.clip(places, there[0], there[-1])
         whole = CubicSpline(there, counts.data[~missing])(within) if missing.any() else counts.data
-        doubts += disfigured(whole, trace.id)
+        doubts += order.doubts(whole, trace.id)
         if np.ptp(whole):  # the taper makes a smooth pulse of what is no sample
             check_samples(whole, f"counts of {trace.stats.channel}", trace.stats.delta)
         line = np.polyval(np.polyfit(places, whole, 1), places)

@@ -30,7 +30,7 @@ from pipeline.stages.studies.validation.table_motions import (
 )
 from pipeline.workflow.grammar import counted
 from vsr_core.arrays import Array
-from vsr_core.motions.digits import disfigured
+from vsr_core.motions import order
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.records.components import ComponentMotion
 from vsr_core.motions.records.trace import RecordedMotion, Trace
@@ -127,7 +127,7 @@ def _ends(motion: GroundMotion) -> float:
 def _disfigured(motion: GroundMotion) -> bool:
     along = [one.acceleration for one in _horizontal(motion)]
     peak = np.abs(along).max()
-    return any(any(disfigured(one, "")) for one in along if np.ptp(one) > QUIET * peak)
+    return any(any(order.doubts(one, "")) for one in along if np.ptp(one) > QUIET * peak)
 
 
 def _peak_velocity(motion: GroundMotion) -> float:
