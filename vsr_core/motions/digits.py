@@ -228,7 +228,7 @@ def _held_at_an_end(values: Array, start: int, end: int, least: float) -> bool:
     if backwards:
         values, start, end = values[::-1], len(values) - 1 - end, len(values) - 1 - start
     beside = values[max(start - _BESIDE, 0) : start + 1]
-    if end < len(values) - 1 or len(beside) <= _BESIDE:
+    if end < len(values) - 1 - _BESIDE or len(beside) <= _BESIDE:
         return False
     begin = np.median(values[: max(1, start // 50)])
     away = min(abs(values[end]), abs(values[end] - begin))

@@ -10,6 +10,9 @@ from support.record_files import shaking
 
 from vsr_core.motions import order
 
+SIGNS = np.array([0.4, 1.0, 0.8, 0.6, 0.2])
+"""Mantissas of a line that lost its exponents."""
+
 
 @pytest.mark.parametrize(
     ("change", "told"),
@@ -47,6 +50,17 @@ from vsr_core.motions import order
             lambda values: np.concatenate([values[:300], values[250:300], values[350:]]),
             ["EW has 50 samples a second time: lines of its file may stand there twice"],
         ),
+        (
+            lambda values: np.concatenate([values[:310], values[295:310], values[310:-15]]),
+            ["EW has 15 samples a second time: lines of its file may stand there twice"],
+        ),
+        (lambda values: np.tile(values[:200], 4), ["EW has "]),
+        (lambda values: np.round(values, 2), []),
+        (
+            lambda values: np.where(np.arange(len(values)) > 100, np.abs(values), values),
+            ["EW shakes "],
+        ),
+        (lambda values: np.concatenate([values[:640], 9.0 * SIGNS, values[645:]]), ["EW peaks "]),
         (lambda values: np.where(np.arange(len(values)) == 200, np.nan, values), []),
     ],
 )

@@ -984,7 +984,7 @@ def test_a_miniseed_that_contradicts_its_last_sample_is_refused(encoding: str) -
 
 
 @pytest.mark.parametrize("encoding", ["STEIM1", "STEIM2", "INT32", "FLOAT64"])
-def test_a_flipped_bit_in_how_a_record_is_laid_out_is_refused(encoding: str) -> None:
+def test_a_flipped_bit_in_how_a_record_is_laid_out_is_refused_or_told(encoding: str) -> None:
     """Of its encoding, its length and where its data begin, in any record: samples are lost."""
     obspy = pytest.importorskip("obspy")
     waves, how = io.BytesIO(), Reading(unit="m/s2")
@@ -993,16 +993,18 @@ def test_a_flipped_bit_in_how_a_record_is_laid_out_is_refused(encoding: str) -> 
     shaking.stats.channel = "HNE"
     shaking.write(waves, format="MSEED", encoding=encoding, reclen=512)
     whole = waves.getvalue()
-    exact = read(whole, ".mseed", how).acceleration
+    sound = read(whole, ".mseed", how)
+    assert sound.repairs == ()
     for record in (0, 1, len(whole) // 512 - 1):
         for byte, bit in itertools.product((44, 45, 52, 54), range(8)):
             content = bytearray(whole)
             content[512 * record + byte] ^= 1 << bit
             try:
-                found = read(bytes(content), ".mseed", how).acceleration
+                found = read(bytes(content), ".mseed", how)
             except InvalidInput:
                 continue
-            np.testing.assert_array_equal(found, exact)
+            if "a header may be damaged" not in "".join(found.repairs):
+                np.testing.assert_array_equal(found.acceleration, sound.acceleration)
 
 
 def test_a_sac_file_of_text_that_is_cut_is_refused() -> None:

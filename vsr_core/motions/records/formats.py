@@ -50,7 +50,7 @@ def read_waveforms(
     """
     import obspy  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
-    doubts, inventory = list[str](), None
+    odd, doubts, inventory = list[str](), list[str](), None
     rate = _checked_rate_of_knet(content) if kind == "KNET" else None
     try:
         with warnings.catch_warnings(record=True) as caught:
@@ -63,7 +63,7 @@ def read_waveforms(
             if rate is not None:
                 stream[0].stats.sampling_rate = rate  # of which ObsPy takes the whole part
             if kind == "MSEED":
-                miniseed.check(content, sum(len(trace) for trace in stream))
+                odd = miniseed.checked(content, sum(len(trace) for trace in stream))
             if kind == "SACXY" and not content.endswith(b"\n"):
                 given = "a SAC file of text whose last line has no end"
                 raise InvalidInput(given, "it is whole", "download it again, or end the line")
@@ -81,7 +81,7 @@ def read_waveforms(
         raise
     except Exception as error:  # noqa: BLE001 (readers of many formats raise what they like)
         raise _unreadable(error) from None
-    repairs = (*record.repairs, *doubts, *_warnings(caught))
+    repairs = (*record.repairs, *odd, *doubts, *_warnings(caught))
     return replace(record, repairs=repairs, directions=directions)
 
 

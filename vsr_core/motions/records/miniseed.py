@@ -23,8 +23,10 @@ _BLANK = re.compile(rb"[0-9]{6}D {41,}")
 _Spans = list[tuple[float, int, float]]  # start [s], number of samples, their rate [1/s]
 
 
-def check(content: bytes, read: int) -> None:
-    """Refuse bytes that are not one record after the other, and a clock that drifts.
+def checked(content: bytes, read: int) -> list[str]:
+    """What is odd of a file of records, in words.
+
+    Refused are bytes that are not one record after the other, and a clock that drifts.
 
     ObsPy passes over such bytes and over records that it cannot decode, and puts what begins less
     than half a sample late where it would begin at the stated rate.
@@ -41,7 +43,7 @@ def check(content: bytes, read: int) -> None:
 
     whole, end = io.BytesIO(content), 0
     channels = defaultdict[tuple[str, ...], _Spans](list)
-    forms = defaultdict[str, set[tuple[int, int, int]]](set)
+    forms = defaultdict[str, set[tuple[object, ...]]](set)
     while end < len(content) and BEGIN.match(content, end):
         blank = _BLANK.match(content, end)  # a record without data
         if blank:
@@ -53,14 +55,13 @@ def check(content: bytes, read: int) -> None:
             channels[name].append((told["starttime"].timestamp, told["npts"], told["samp_rate"]))
             begin = int.from_bytes(content[end + 44 : end + 46], _ORDER[told["byteorder"]])
             if told["npts"]:
-                forms[".".join(name)].add((length, told["encoding"], begin))
+                forms[".".join(name)].add((length, told.get("encoding"), begin))
         if length & (length - 1):
             break  # all are of powers of two
         end += length
     if end != len(content):
         given = f"a miniSEED file of {len(content)} bytes whose records end at byte {end}"
         raise InvalidInput(given, "it is whole records", "download it again")
-    _check_forms(forms)
     if (stated := sum(count for spans in channels.values() for _, count, _ in spans)) != read:
         given = f"records of {stated} samples, of which {read} can be read"
         raise InvalidInput(given, "it is whole", "download it again")
@@ -69,20 +70,11 @@ def check(content: bytes, read: int) -> None:
             given = f"records of {name[-1]} that begin {late:+.1f} samples off their rate in sum"
             rule = f"they follow each other to {DRIFT:g} sample"
             raise InvalidInput(given, rule, "resample it by the times of its records")
-
-
-def _check_forms(forms: dict[str, set[tuple[int, int, int]]]) -> None:
-    """Refuse records of a channel that differ in what is not of their samples.
-
-    Parameters
-    ----------
-    forms : dict from a channel to lengths, encodings and bytes from where on there are data
-    """
-    for name, found in forms.items():
-        if len(found) > 1:
-            given = f"records of {name} with lengths, encodings and begins of data of "
-            given += " and ".join(map(str, sorted(found)[:2]))
-            raise InvalidInput(given, "those of a channel are alike", "download it again")
+    return [
+        f"records of {name} differ in length, encoding or begin of data: a header may be damaged"
+        for name, found in forms.items()
+        if len(found) > 1
+    ]
 
 
 def _drift(spans: _Spans) -> float:
