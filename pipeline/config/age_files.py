@@ -31,6 +31,11 @@ OLDEST = 100.0
 open."""
 
 
+SUMMED = 6
+"""Ages from which on one that is the sum of the others is no age: three in thousands of years are
+so by chance."""
+
+
 class DatedSample(Row):
     """A row of a table of ages."""
 
@@ -88,7 +93,7 @@ def samples(path: Path) -> tuple[float, ...]:
     if max(ages) > OLDEST * median_low(ages):
         given, rule = f"{max(ages):g}", f"it is at most {OLDEST:g} times the median"
         raise refused(path, "age_a", given, rule, "correct it: two ages may stand in one line")
-    if len(ages) > 2 and math.isclose(2.0 * max(ages), math.fsum(ages), rel_tol=1e-6):
+    if len(ages) >= SUMMED and math.isclose(2.0 * max(ages), math.fsum(ages), rel_tol=1e-6):
         given, rule = f"{max(ages):g}, the sum of the others", "each is an age"
         raise refused(path, "age_a", given, rule, "leave the sum out")
     if more := [name for name in cells[0] if name != "age_a"]:

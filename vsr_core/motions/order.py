@@ -44,7 +44,8 @@ def doubts(values: Array, name: str) -> Iterator[str]:
     rules = (_sorted, _unsigned, _of_one_power, _jumpy, _to_one_side, _alone, _in_other_lines)
     if said := next(filter(None, (rule(motion) for rule in rules)), ""):
         yield f"{name} {said}"
-    if again := _again(motion):
+    least = float(np.abs(motion.steps[motion.steps != 0.0]).min())
+    if again := repeated(values, _REPEATED, max(_WEAK * motion.peak, _DIGITS * least)):
         yield f"{name} has {again} samples a second time: lines of its file may stand there twice"
 
 
@@ -154,14 +155,18 @@ _REPEATED, _DIGITS = 10, 200.0
 """Samples in a row, over so many last digits, that are nowhere a second time."""
 
 
-def _again(motion: _Motion) -> int:
-    """Samples that follow each other, to the last digit, as others did before."""
-    values, least = motion.values, np.abs(motion.steps[motion.steps != 0.0]).min()
-    parts = np.lib.stride_tricks.sliding_window_view(values, _REPEATED)
-    far = max(_WEAK * motion.peak, _DIGITS * least)
-    shaken = np.flatnonzero(np.ptp(parts, axis=1) > far)
+def repeated(values: Array, number: int, far: float) -> int:
+    """Values that follow each other, to the last digit, as others did before.
+
+    Parameters
+    ----------
+    number : int, how many in a row
+    far : float, over which range they go at least
+    """
+    parts = np.lib.stride_tricks.sliding_window_view(values, number)
+    sought = np.flatnonzero(np.ptp(parts, axis=1) > far)
     ranks = np.unique(values, return_inverse=True)[1].astype(np.uint64)
-    odd = np.random.default_rng(0).integers(1 << 63, size=_REPEATED, dtype=np.uint64) * 2 + 1
-    marks = sum(ranks[at : at + len(parts)] * number for at, number in enumerate(odd))
-    again = len(shaken) - len(np.unique(marks[shaken]))
-    return again + _REPEATED - 1 if again else 0
+    odd = np.random.default_rng(0).integers(1 << 63, size=number, dtype=np.uint64) * 2 + 1
+    marks = sum(ranks[at : at + len(parts)] * one for at, one in enumerate(odd))
+    again = len(sought) - len(np.unique(marks[sought]))
+    return again + number - 1 if again else 0

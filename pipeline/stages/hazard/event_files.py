@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.config.outside import Row, check_sum, checked, refused
 from pipeline.config.sections import LEAST_RATIO
-from pipeline.stages.hazard import event_calculation, event_tables, openquake
+from pipeline.stages.hazard import event_calculation, event_doubts, event_tables, openquake
 from pipeline.stages.hazard.event_tables import Event, EventTables, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import (
     LEVELS,
@@ -35,9 +35,6 @@ _CHANCE = 1e-6
 _FEW = 10
 """Events whose PGV may be 0 although their PGA is strong, beside a quarter of all such."""
 
-
-_SORTED = 30
-"""Events whose shaking has no order."""
 
 FARTHEST = 1_000
 """Distance [km] of a rupture that shakes a site: calculations stop at 200 to 500 km."""
@@ -95,6 +92,7 @@ def _loaded(path: Path, digests: tuple[str, ...], given: float | None) -> EventS
         unused.append(f"{counted(weak, 'event')} without a row of shaking, as too weak")
     if none := int((pga == 0.0).sum()):
         unused.append(f"{counted(none, 'event')} without PGA left out")
+    unused += event_doubts.doubts(pga, pgv)
     return EventSet(_model(told, events, weights, unused), events)
 
 
@@ -210,19 +208,7 @@ def _shaken(told: EventTables, ids: Indices) -> tuple[Indices, Array, Array | No
         order = np.argsort(at)
         at, accelerations = at[order], accelerations[order]
         velocities = velocities[order] if velocities is not None else None
-    _check_order(path, "gmv_PGA", accelerations)
-    if velocities is not None:
-        _check_order(path, "gmv_PGV", velocities)
     return at, accelerations, velocities
-
-
-def _check_order(path: Path, name: str, values: Array) -> None:
-    """Refuse shaking that only rises or falls from event to event: the column is sorted."""
-    steps = np.diff(values)
-    one_way = (steps >= 0.0).all() or (steps <= 0.0).all()
-    if len(values) >= _SORTED and one_way and steps.any():
-        given, rule = "values sorted by the numbers of events", "each is of the event of its row"
-        raise refused(path, name, given, rule, "export it again")
 
 
 def _check_pgv(path: Path, pga: Array, pgv: Array) -> None:

@@ -84,9 +84,10 @@ _SAID = {
 }
 """What a first line says of its calculation, and of the site where it has one only."""
 
-_OFF, _TINY = 2e-3, 1e-7
-"""How far a mean curve may be from the mean of the realizations, as weights have few digits, and
-besides in probability, as older files have seven decimals."""
+_OFF, _EXACT, _TINY = 2e-3, 1e-4, 1e-7
+"""How far a mean curve may be from the mean of the realizations, as weights have few digits, or in
+OpenQuake's own file, where all have seven; and besides in probability, as older files have seven
+decimals."""
 
 _OLDER = {"ordinal": "rlz_id"}
 
@@ -123,14 +124,19 @@ def load(folder: Path) -> HazardModel:
         given = f"realization {min(incomplete)} without curve or weight"
         rule = "each has a curve of PGA and a weight in realizations_1.csv"
         raise refused(folder, "rlz_id", given, rule, "export both from one calculation")
-    unused += _other_means(curves, weights)
+    unused += _other_means(curves, weights, _OFF)
     return model(folder, curves, sorted(weights, key=lambda row: row.rlz_id), *unused)
 
 
 def _other_means(
-    curves: dict[tuple[int, str], tuple[Path, GivenCurve]], rows: list[Realization]
+    curves: dict[tuple[int, str], tuple[Path, GivenCurve]], rows: list[Realization], most: float
 ) -> Iterator[str]:
-    """Mean curves that are not of the realizations, by probabilities or rates, in words."""
+    """Mean curves that are not of the realizations, by probabilities or rates, in words.
+
+    Parameters
+    ----------
+    most : float, share by which they may be off
+    """
     weights = np.array([row.weight for row in rows])
     weights /= weights.sum() or 1.0  # of none it is refused later
     for path, mean in (curves[key] for key in curves if key[0] == MEAN):
@@ -141,7 +147,7 @@ def _other_means(
         told, poes = np.array(mean.values), np.array(given)
         means = weights @ poes, -np.expm1(weights @ np.log1p(-poes))
         off = min(float(((abs(one - told) - _TINY) / (told + _TINY)).max()) for one in means)
-        if off > _OFF:
+        if off > most:
             yield (
                 f"the mean of {mean.measure} in {path.name} is up to {100.0 * off:.3g} % off the "
                 "mean of the realizations, which count: a curve or a weight may be of another "
@@ -220,7 +226,7 @@ def load_calculation(path: Path) -> HazardModel:
         checked(path, Realization, {"rlz_id": at, "branch_path": name, "weight": weight})
         for at, (name, weight) in enumerate(zip(paths, weights.tolist(), strict=True))
     ]
-    return model(path, curves, branches, *_other_means(curves, branches))
+    return model(path, curves, branches, *_other_means(curves, branches, _EXACT))
 
 
 def _mean(file: Any, shape: tuple[int, ...]) -> Array | None:

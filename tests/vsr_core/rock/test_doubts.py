@@ -33,20 +33,26 @@ def test_rocks_of_few_and_of_many_faces_are_not_doubted(mesh: trimesh.Trimesh) -
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_a_vertex_thrown_out_is_named_with_its_place(axis: int) -> None:
-    """As by a flipped bit of an exponent."""
+@pytest.mark.parametrize("pair", [False, True])
+def test_a_vertex_thrown_out_is_named_with_its_place(axis: int, pair: bool) -> None:
+    """As by a flipped bit of an exponent; also together with one beside it."""
     mesh = stone()
     at = int(mesh.vertices[:, axis].argmax())
-    mesh.vertices[at, axis] *= 2.0
-    (told,) = doubts(mesh)
-    assert f"{mesh.vertices[at, axis]:.3g}" in told
+    out = [at, mesh.vertex_neighbors[at][0]] if pair else [at]
+    mesh.vertices[out, axis] *= 2.0
+    told = " ".join(doubts(mesh))
+    assert any(f"{mesh.vertices[one, axis]:.3g}" in told for one in out)
     assert told.startswith("the vertex at ")
+    assert (" m and 1 more stands out by " in told) == pair
 
 
-def test_a_rock_that_lost_its_minus_signs_is_told() -> None:
+@pytest.mark.parametrize("above", [-1.0, 0.0, 0.5])
+def test_a_rock_that_lost_its_minus_signs_is_told(above: float) -> None:
+    """All of one axis, or those of its upper part."""
     mesh = stone()
-    mesh.vertices[:, 0] = np.abs(mesh.vertices[:, 0]) + 0.01 * mesh.vertices[:, 2]
-    assert any("its convex hull: signs of coordinates may be lost" in told for told in doubts(mesh))
+    upper = mesh.vertices[:, 2] > above
+    mesh.vertices[upper, 0] = np.abs(mesh.vertices[upper, 0])
+    assert any("m: signs of coordinates may be lost" in told for told in doubts(mesh))
 
 
 @pytest.mark.parametrize("height", [None, 5.0, -5.0])

@@ -345,17 +345,46 @@ def test_shaking_that_is_lost_is_refused(
     assert str(error.value).count("\n") == 0
 
 
+def held(values: list[str]) -> list[str]:
+    at = max(range(len(values) - 40), key=lambda one: float(values[one]))
+    return [*values[:at], *[values[at]] * 40, *values[at + 40 :]]
+
+
 @pytest.mark.parametrize("name", ["gmv_PGA", "gmv_PGV"])
-def test_a_column_of_shaking_that_was_sorted_is_refused(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda values: values, None),
+        (lambda values: sorted(values, key=float), "follows the numbers of events"),
+        (sorted, "follows the numbers of events"),
+        (lambda values: [*values[:100], *values[50:100], *values[150:]], "is that of others"),
+        (held, "is that of others"),
+    ],
+)
+def test_shaking_that_was_sorted_or_stands_twice_is_told(
+    tmp_path: Path, name: str, change: Callable[[list[str]], list[str]], words: str | None
+) -> None:
     folder = EventSet(2_000.0).write(tmp_path)
     path, at = folder / "gmf-data_1.csv", ["gmv_PGA", "gmv_PGV"].index(name) + 1
     first, names, *rows = path.read_text().splitlines()
     cells = sorted((row.split(",") for row in rows), key=lambda row: int(row[0]))
-    for row, value in zip(cells, sorted(float(row[at]) for row in cells), strict=True):
-        row[at] = repr(value)
+    for row, value in zip(cells, change([row[at] for row in cells]), strict=True):
+        row[at] = value
     path.write_text("\n".join([first, names, *map(",".join, cells), ""]))
-    with pytest.raises(InputError, match=f"{name}: got values sorted by the numbers of events"):
-        event_files.load(folder, None)
+    told = [line for line in event_files.load(folder, None).model.unused if name in line]
+    assert len(told) == (words is not None)
+    assert all(words in line for line in told)
+
+
+def test_shaking_beyond_any_is_told(tmp_path: Path) -> None:
+    """As of numbers that lost their exponents."""
+    folder = rewritten(
+        EventSet(2_000.0).write(tmp_path),
+        lambda pga, pgv, of: (pga, 1e-3) if pga < 0.02 else (9.0 if pga > 0.9 else pga, pgv),
+    )
+    told = " ".join(event_files.load(folder, None).model.unused)
+    assert "with PGA of up to 9 g, and records rarely exceed 4 g" in told
+    assert "events with PGV/PGA from " in told
 
 
 @pytest.mark.parametrize("kept", [1, 2, "0", "2"])
