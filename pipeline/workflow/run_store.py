@@ -45,6 +45,7 @@ class RunStore(Generic[Row]):
 
     def __init__(self, folder: Path, row: type[Row], *, reads: bool = False) -> None:
         self._path, self._layout, self._reads = folder / RUNS, Layout(row), reads
+        _check_files(self._path)
         with self._using():
             if reads:
                 self._database = _reader(self._path)
@@ -121,6 +122,15 @@ class RunStore(Generic[Row]):
 def is_there(folder: Path) -> bool:
     """Whether a folder has a database of runs."""
     return (folder / RUNS).is_file()
+
+
+def _check_files(path: Path) -> None:
+    """Refuse a pipe, which SQLite may wait for without an end, a device or a folder."""
+    for ending in _ENDINGS:
+        file = path.with_name(path.name + ending)
+        if file.exists() and not file.is_file():
+            rule, remedy = "runs are kept in regular files", "remove it, or give another folder"
+            raise InputError(Problem(str(file), "", "a pipe, a device or a folder", rule, remedy))
 
 
 def _connected(where: Path | str) -> sqlite3.Connection:

@@ -35,8 +35,9 @@ _LogSd = Annotated[float, Field(gt=0, le=2)]
 _MOST = 5_000
 """Faults, or rows of a table of a ground-motion model."""
 
-STRONGEST = 2.5
-"""Median PGA [g] of a ground-motion model, at most: models saturate near 1 g beside a rupture."""
+STRONGEST = 4.0
+"""Median PGA [g] of a ground-motion model, at most: most saturate near 1 g beside a rupture, one of
+hard rock (Atkinson & Boore 2006) at 3.3 g, 1 km from an earthquake of magnitude 4.5."""
 
 SATURATION = 1.5
 """How many times shaking may exceed that of any larger magnitude, or of any lesser distance: models

@@ -269,6 +269,16 @@ def test_rows_are_added_all_or_none(tmp_path: Path, error: type[BaseException]) 
         assert set(runs.get(wanted)) == set(wanted)
 
 
+@pytest.mark.parametrize("reads", [False, True])
+@pytest.mark.parametrize("ending", ["", "-wal", "-shm", "-journal"])
+def test_a_pipe_beside_the_runs_is_not_waited_for(tmp_path: Path, ending: str, reads: bool) -> None:
+    if ending:
+        RunStore(tmp_path, RunRow).close()
+    os.mkfifo(tmp_path / f"runs.sqlite{ending}")
+    with pytest.raises(InputError, match=f"runs.sqlite{ending}: got a pipe, a device or a folder"):
+        RunStore(tmp_path, RunRow, reads=reads)
+
+
 def test_rows_come_back_as_they_went(tmp_path: Path) -> None:
     lost = RunRow(b"x" * 16, 5)
     odd = RunRow(b"y" * 16, 1, 3, math.pi, math.nextafter(1.0, 2.0), 5e-324, 2**31 - 1)

@@ -82,7 +82,8 @@ def read_netcdf(content: bytes, component: str | None, unit: str | None) -> Reco
     return replace(record, repairs=(*record.repairs, left)) if file.others else record
 
 
-_IN_BRACKETS = re.compile(r"[\[(]([^\[(\])]*)[\])]")
+_PARTS = re.compile(r"[^\s\[(\])]+")
+"""Words of a name and in its brackets."""
 
 _SECONDS = ("s", "sec", "second", "seconds")
 
@@ -121,7 +122,8 @@ def on_times(
         raise InvalidInput(given, "they share a unit", "name one of them as motion.component")
     name = stated(units[0], unit)
     for column in names:
-        others_stated = [one for one in _IN_BRACKETS.findall(column) if is_acceleration(one)]
+        parts = [part for word in _PARTS.findall(column) for part in (word, _after_mark(word))]
+        others_stated = [one for one in parts if is_acceleration(one)]
         if any(factor(one) != factor(name) for one in others_stated):
             given, rule = f"{column} in {others_stated[0]} and in {name}", "it has one unit"
             raise InvalidInput(given, rule, "leave the other out of its name")
@@ -131,6 +133,12 @@ def on_times(
     if component is None and more:
         repairs += (f"left out, as {name} is the unit of others: {', '.join(more)}",)
     return Record(even, interval, names, station, source, name, repairs, start)
+
+
+def _after_mark(word: str) -> str:
+    """What follows the mark in acc_cm/s2; a_g is a symbol of Eurocode 8."""
+    tail = word.rpartition("_")[2]
+    return tail if "/" in tail else ""
 
 
 def check_seconds(unit: str | None) -> None:

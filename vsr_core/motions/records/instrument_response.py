@@ -68,8 +68,10 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> tu
 
 
 def _doubts(response: Any, name: str) -> Iterator[str]:
-    """Poles and zeros that no instrument has, in words."""
+    """Poles, zeros and coefficients that no instrument has, in words."""
     for stage in response.response_stages:
+        if abs((total := _sum(stage)) - 1.0) > _OFF_ONE:
+            yield f"coefficients of {name} sum to {total:.3g} and not to 1: signs may be lost"
         if str(getattr(stage, "pz_transfer_function_type", "")) in _LAPLACE:
             poles, zeros = (np.array(of, complex) for of in (stage.poles, stage.zeros))
             if not (_conjugate(poles) and _conjugate(zeros)):
@@ -78,11 +80,26 @@ def _doubts(response: Any, name: str) -> Iterator[str]:
                 yield f"poles of {name} grow with time: signs may be lost"
 
 
+def _sum(stage: Any) -> float:
+    """Sum of the coefficients of a digital filter without feedback, 1 of any other stage."""
+    symmetry = getattr(stage, "symmetry", None)
+    given = stage.coefficients if symmetry else getattr(stage, "numerator", ())
+    if not given or getattr(stage, "denominator", None):
+        return 1.0
+    half = np.array([float(one) for one in given])
+    middle = {"EVEN": 0.0, "ODD": half[-1]}.get(symmetry)
+    return float(half.sum() if middle is None else 2.0 * half.sum() - middle)
+
+
 def _conjugate(roots: Array) -> bool:
     """Whether the conjugate of each root is among them."""
     apart = np.abs(roots[:, None] - roots.conj()).min(axis=1, initial=math.inf)
     return bool((apart <= _SAME_ROOT * np.abs(roots)).all())
 
+
+_OFF_ONE = 0.05
+"""How far the sum of a filter's coefficients may be from 1: of the filters in ObsPy's tests those of
+one station are farther."""
 
 _SAME_ROOT = 1e-3
 """How far, by its size, a root may be from the conjugate of another: they are written in digits."""
