@@ -45,7 +45,7 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> tu
     for trace in stream:
         trace.stats.response = channel_of(trace, inventory).response
         _check_response(trace.stats.response)
-        doubts += _doubts(trace.stats.response, trace.id)
+        doubts += dict.fromkeys(_doubts(trace.stats.response, trace.id))
         counts = np.ma.masked_invalid(np.ma.asarray(trace.data).astype(np.float64))
         missing, places = np.ma.getmaskarray(counts), np.arange(len(counts))
         there = places[~missing]  # a line between velocities would have jumps of acceleration
@@ -82,7 +82,7 @@ def _doubts(response: Any, name: str) -> Iterator[str]:
 
 def _sum(stage: Any) -> float:
     """Sum of the coefficients of a digital filter without feedback, 1 of any other stage."""
-    symmetry = getattr(stage, "symmetry", None)
+    symmetry = str(getattr(stage, "symmetry", ""))
     given = stage.coefficients if symmetry else getattr(stage, "numerator", ())
     if not given or getattr(stage, "denominator", None):
         return 1.0
@@ -98,8 +98,8 @@ def _conjugate(roots: Array) -> bool:
 
 
 _OFF_ONE = 0.05
-"""How far the sum of a filter's coefficients may be from 1: of the filters in ObsPy's tests those of
-one station are farther."""
+"""How far the sum of a filter's coefficients may be from 1: in ObsPy's tests those of one station
+are farther."""
 
 _SAME_ROOT = 1e-3
 """How far, by its size, a root may be from the conjugate of another: they are written in digits."""
