@@ -40,7 +40,7 @@ class Stored(argparse.Action):
             remedy = f"leave it out, or give {option_string} {self.metavar}: {self.help}"
             raise InputError(Problem(option_string, "", "''", "an empty text is no value", remedy))
         given = vars(namespace).setdefault("given", set())
-        if option_string and self.dest in given:
+        if option_string and self.dest in given and values != getattr(namespace, self.dest):
             rule, remedy = "an option has one value", "leave out the others"
             raise InputError(Problem(option_string, "", "it twice", rule, remedy))
         given.add(self.dest)

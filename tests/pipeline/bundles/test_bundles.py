@@ -8,6 +8,7 @@ import shutil
 import stat
 import zipfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -380,14 +381,14 @@ def test_where_an_input_lies_is_no_part_of_a_product_but_what_it_holds_is(
     site.parent.mkdir()
     shutil.copy(tmp_path / "there" / "records" / record.name, record)
     site.write_text(SITE.replace("../records/shake.csv", str(record)))
-    run = ["run", "responses", "--site", site, "--derived", made.parent, "--workers", "0"]
-    assert vsr(*run).code == cli.DONE
+    run = partial(vsr, "run", "responses", "--site", site, "--workers", "0", into=made.parent)
+    assert run().code == cli.DONE
     assert _key(made.with_name("pebble")) == _key(made)
     assert vsr("export", made.with_name("pebble"), "--to", tmp_path / "study.zip").code == cli.DONE
     ran = vsr("check", tmp_path / "study.zip")
     assert (ran.code, "changed" in ran.out) == (cli.DONE, False), ran.out
     record.write_text(record.read_text() + "2.01,0.0\n")
-    assert vsr(*run).code == cli.DONE
+    assert run().code == cli.DONE
     assert _key(made.with_name("pebble")) != _key(made)
 
 

@@ -48,8 +48,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def vsr(site: Path, *more: str) -> list[str]:
-    given = [part for name, value in CELL.items() for part in (f"--{name}", value)]
-    given = [part.replace("_", "-") for part in given]
+    cell = {f"--{name.replace('_', '-')}": value for name, value in CELL.items()}
+    given = [part for name in cell.keys() - {*arguments} for part in (name, cell[name])]
     derived = str(site.parent / "derived")
     return ["replay", "--site", str(site), "--derived", derived, "--workers", "0", *given, *more]
 
@@ -157,8 +157,8 @@ def test_a_cell_outside_the_grid(site: Path, given: dict[str, Any], words: tuple
 def test_what_is_refused_is_refused_before_any_work(
     site: Path, refused: Callable[..., str], arguments: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
-    given = [part for name, value in CELL.items() for part in (f"--{name}", value)]
-    given = [part.replace("_", "-") for part in given]
+    cell = {f"--{name.replace('_', '-')}": value for name, value in CELL.items()}
+    given = [part for name in cell.keys() - {*arguments} for part in (name, cell[name])]
     refused("replay", "--site", site, *given, *arguments, words=words)
 
 
