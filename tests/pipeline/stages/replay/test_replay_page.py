@@ -49,7 +49,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def vsr(site: Path, *more: str) -> list[str]:
     cell = {f"--{name.replace('_', '-')}": value for name, value in CELL.items()}
-    given = [part for name in cell.keys() - {*arguments} for part in (name, cell[name])]
+    given = [part for name in cell.keys() - {*more} for part in (name, cell[name])]
     derived = str(site.parent / "derived")
     return ["replay", "--site", str(site), "--derived", derived, "--workers", "0", *given, *more]
 
