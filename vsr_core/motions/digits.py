@@ -43,8 +43,9 @@ _RESTS, _JUMPS = 0.01, 1.5
 """Share of the peak within which a value is rest; times the steps beside from which on a step to it
 or from it is a jump, if it is of twice that share."""
 
-_OFF_REST = 0.05
-"""Share of the peak beyond which a value that is held to an end is no rest."""
+_OFF_REST, _OFF_ZERO, _ABRUPT = 0.05, 0.001, 0.02
+"""Share of the peak beyond which a value that is held to an end is no rest, and where shaking ends
+there with steps of so much of the peak."""
 
 _JOINED = ((80, 0.3), (320, 0.8))
 """Samples about the hardest bends, and share of them that does not bend where lines join them. Of
@@ -233,7 +234,9 @@ def _held_at_an_end(values: Array, start: int, end: int, least: float) -> bool:
     begin = np.median(values[: max(1, start // 50)])
     away = min(abs(values[end]), abs(values[end] - begin))
     pace = np.median(np.abs(np.diff(beside)))
-    return bool(away > _OFF_REST * np.abs(values - begin).max() and pace > _AMID * least)
+    peak, shaken = np.abs(values - begin).max(), pace > _AMID * least
+    off_rest = away > (_OFF_REST if pace < _ABRUPT * peak else _OFF_ZERO) * peak
+    return bool(off_rest and shaken)
 
 
 def _jumps(rest: float, beside: tuple[Array, Array], least: float) -> bool:

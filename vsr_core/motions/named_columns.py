@@ -86,6 +86,27 @@ def _form(word: str) -> str:
     return _DIGIT.sub("0", word.strip(" +-"))
 
 
+def refuse_lost_exponents(words: Sequence[str], values: Array) -> None:
+    """Refuse numbers without an exponent where others, of any size, have one.
+
+    Programs that write it where it makes a number shorter do so below 1e-4, or R of 5e-04.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,), of the words
+
+    Raises
+    ------
+    InvalidInput
+    """
+    with_one = np.array(["e" in word or "E" in word for word in words], bool)
+    always = with_one & (np.abs(values) >= 1e-3) & (np.abs(values) < 1e5)
+    if always.any() and (bare := ~with_one & (np.abs(values) > 0.0)).any():
+        one, other = (words[int(found.argmax())].strip() for found in (bare, always))
+        given = f"{one} without an exponent, which others have, as {other}"
+        raise InvalidInput(given, "all numbers are formed alike", "write the file again")
+
+
 def plain_number(word: str) -> float:
     """The number that a word of a file is; one with underscores is none, as Python would have it.
 
@@ -143,6 +164,9 @@ def of_text(text: str) -> list[Column]:
         given = f"a table that ends in {last.strip()!r}, formed like no other number above it"
         raise InvalidInput(given, "it is whole", "write it again, or end its last line")
     table = np.array(flat).reshape(-1, len(names)).T
+    if "e" in text.lower():
+        for at, values in enumerate(table):
+            refuse_lost_exponents([line.split(separator)[at] for line in lines[1:]], values)
     return [Column(*name, values) for name, values in zip(names, table, strict=True)]
 
 

@@ -34,16 +34,17 @@ def test_of_numbers_that_were_never_rounded_it_is_nothing() -> None:
     assert (digits.last(values) < 1e-10 * np.abs(values).max()).all()
 
 
+@pytest.mark.parametrize("far", [False, True])
 @pytest.mark.parametrize("short", [False, True])
 @pytest.mark.parametrize("backwards", [False, True])
 def test_shaking_whose_end_is_held_is_refused_and_one_that_rests_is_not(
-    backwards: bool, short: bool
+    backwards: bool, short: bool, far: bool
 ) -> None:
     """To the end, or to a few samples before it."""
     values = files.shaking(7, 100.0, 8.0, 4.0, 0.6)
     at = int(np.abs(values).argmax()) + 3
     held, rests = values.copy(), np.concatenate([values, np.zeros(200)])
-    held[at : -5 if short else None] = held[at]
+    held[at : -5 if short else None] = held[at] if far else 0.007 * np.abs(values).max()
     for one in (rests, np.repeat([0.0, 1.0, -1.0], 40)):
         digits.refuse_still(one[::-1] if backwards else one, "EW", 0.01)
     with pytest.raises(InvalidInput, match="at an end; the last or first of the shaking is held"):

@@ -141,6 +141,30 @@ def test_a_heading_of_two_units_is_refused() -> None:
     np.testing.assert_allclose(read(same.encode(), ".csv", PLAIN).acceleration, VALUES, atol=1e-6)
 
 
+@pytest.mark.parametrize("line", [0, 30, 60])
+def test_a_line_that_lost_its_exponents_is_refused(line: int) -> None:
+    """Of an AT2 in the notation of Fortran, and of a table."""
+    words = [f"{one:.6E}" for one in VALUES]
+    lost = [*words]
+    lost[5 * line : 5 * line + 5] = [one.split("E")[0] for one in words[5 * line : 5 * line + 5]]
+    head = f"PEER\nA, B, C\nACCELERATION TIME SERIES IN UNITS OF G\nNPTS= {len(words)}, DT= {STEP}"
+    whole, damaged = (f"{head} SEC\n{' '.join(one)}\n".encode() for one in (words, lost))
+    assert len(read(whole, ".at2", PLAIN).acceleration) == len(words)
+    refusal(lambda: read(damaged, ".at2", PLAIN), "without an exponent, which others have, as")
+    rows = "".join(f"{STEP * at:.3f},{one}\n" for at, one in enumerate(lost))
+    table = f"time,acceleration [m/s2]\n{rows}".encode()
+    refusal(lambda: read(table, ".csv", PLAIN), "without an exponent")
+
+
+@pytest.mark.parametrize("form", ["{:g}", "{!r}", "{:.6E}", "{:.6f}"])
+def test_numbers_formed_as_programs_do_are_read(form: str) -> None:
+    rows = "".join(
+        f"{STEP * at:.3f},{form.format(one)}\n" for at, one in enumerate((1e-2 * VALUES).tolist())
+    )
+    found = read(f"time,acceleration [m/s2]\n{rows}".encode(), ".csv", PLAIN)
+    np.testing.assert_allclose(found.acceleration, 1e-2 * VALUES, atol=1e-6)
+
+
 def test_a_byte_order_mark_is_no_part_of_a_record() -> None:
     plain = files.csv(VALUES, STEP).encode()
     marked = read(codecs.BOM_UTF8 + plain, ".csv", PLAIN)

@@ -25,7 +25,7 @@ import numpy as np
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.named_columns import is_cut, plain_number
+from vsr_core.motions.named_columns import is_cut, plain_number, refuse_lost_exponents
 from vsr_core.motions.records.record import (
     UPWARD,
     Record,
@@ -104,6 +104,7 @@ def read_at2(text: str, unit: str | None) -> Record:
         raise InvalidInput(given, "it is whole", "download it again, or end its last line")
     if len(values) != number:
         raise _other_count(count, number)
+    refuse_lost_exponents(words, values)
     event = [part.strip() for part in lines[1].split(",")]
     station = event[-2] if len(event) > 2 else ""
     channel = event[-1] if len(event) > 1 else "1"
