@@ -24,7 +24,7 @@ blanks took half a minute."""
 _WITH_UNIT = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\[(\])]*[\])])?")
 """A name among names apart by blanks."""
 
-_DIGIT = re.compile(r"\d")
+_DIGIT, _EXPONENT = re.compile(r"\d"), re.compile(r"[\d.][eE][-+\d]")
 
 
 def _apart_by_blanks(line: str) -> list[str]:
@@ -164,7 +164,7 @@ def of_text(text: str) -> list[Column]:
         given = f"a table that ends in {last.strip()!r}, formed like no other number above it"
         raise InvalidInput(given, "it is whole", "write it again, or end its last line")
     table = np.array(flat).reshape(-1, len(names)).T
-    if "e" in text.lower():
+    if _EXPONENT.search(text):
         for at, values in enumerate(table):
             refuse_lost_exponents([line.split(separator)[at] for line in lines[1:]], values)
     return [Column(*name, values) for name, values in zip(names, table, strict=True)]
