@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vsr_core.arrays import Array
+from vsr_core.motions.digits import last, runs
 
 _SHORT = 100
 """Samples below which nothing is told."""
@@ -41,7 +42,16 @@ def doubts(values: Array, name: str) -> Iterator[str]:
         return
     begin = float(np.median(values[: max(1, len(values) // 100)]))
     motion = _Motion(values, np.diff(values), begin, float(np.abs(values - begin).max()))
-    rules = (_sorted, _unsigned, _of_one_power, _jumpy, _to_one_side, _alone, _in_other_lines)
+    rules = (
+        _sorted,
+        _unsigned,
+        _of_one_power,
+        _jumpy,
+        _to_one_side,
+        _alone,
+        _in_other_lines,
+        _straight,
+    )
     if said := next(filter(None, (rule(motion) for rule in rules)), ""):
         yield f"{name} {said}"
     least = float(np.abs(motion.steps[motion.steps != 0.0]).min())
@@ -149,6 +159,23 @@ def _in_other_lines(motion: _Motion) -> str:
         return ""
     said = f"steps {most:.2g} times as far after each {number} samples as between them"
     return f"{said}: lines of its file may be out of order"
+
+
+_LINE, _ROUNDING, _EXACT = 20, 2.0, 2e-5
+"""Samples that no shaking has on a straight line over a twentieth of its peak, how many last digits
+they may be off it, and the share of the peak above which these are too coarse to tell."""
+
+
+def _straight(motion: _Motion) -> str:
+    values, steps = motion.values, motion.steps
+    off = _ROUNDING * float(last(values[:: max(1, len(values) // 200)]).max())
+    if off > _EXACT * motion.peak:
+        return ""
+    for start, length in runs(np.abs(np.diff(steps)) <= off):
+        far = abs(values[start + length + 1] - values[start])
+        if length + 2 >= _LINE and far > _WEAK * motion.peak:
+            return f"goes straight for {length + 2} samples: a gap may have been filled"
+    return ""
 
 
 _REPEATED, _DIGITS = 10, 200.0

@@ -57,6 +57,12 @@ SIGNS = np.array([0.4, 1.0, 0.8, 0.6, 0.2])
         (lambda values: np.tile(values[:200], 4), ["EW has "]),
         (lambda values: np.round(values, 2), []),
         (
+            lambda values: np.interp(
+                np.arange(800), np.r_[:235, 275:800], values[np.r_[:235, 275:800]]
+            ),
+            ["EW goes straight for 42 samples: a gap may have been filled"],
+        ),
+        (
             lambda values: np.where(np.arange(len(values)) > 100, np.abs(values), values),
             ["EW shakes "],
         ),
