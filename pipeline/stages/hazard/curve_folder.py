@@ -34,6 +34,7 @@ from pipeline.stages.hazard.hazard_model import (
     HazardModel,
     Realization,
     check_digits,
+    held,
     model,
 )
 from pipeline.workflow.grammar import counted
@@ -108,7 +109,8 @@ def _nshmp(folder: Path) -> HazardModel:
         for measure, path in paths.items()
         if path.exists()
     }
-    return model(folder, curves, [Realization(rlz_id=MEAN, branch_path="the mean", weight=1.0)])
+    mean = Realization(rlz_id=MEAN, branch_path="the mean", weight=1.0)
+    return model(folder, curves, [mean], *held(curves))
 
 
 def _nshmp_curve(path: Path, measure: str) -> GivenCurve:

@@ -201,6 +201,30 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
     return HazardModel(tuple(branches), (one.lon, one.lat), (*unused, *_far_apart(branches)))
 
 
+def held(curves: Curves) -> Iterator[str]:
+    """Curves whose values stay the same, to four digits or more, from one level to the next.
+
+    At low levels they may, where all earthquakes exceed them; those of simulated events may, too.
+    """
+    found = []
+    for path, one in curves.values():
+        pairs = zip(one.values, one.values[1:], strict=False)
+        same = [value for below, value in pairs if below == value and 0.0 < value < one.values[0]]
+        if number := sum(_digits(value) >= _FINE for value in same):
+            found.append(f"{counted(number, 'value')} of {one.measure} in {path.name}")
+    if found:
+        others = f", and some of {counted(len(found) - 1, 'other curve')}" if found[1:] else ""
+        yield f"{found[0]}{others} as at the level below: values may be held"
+
+
+_FINE = 4
+"""Digits of values that are not alike by chance."""
+
+
+def _digits(value: float) -> int:
+    return len(f"{value:.9e}".partition("e")[0].replace(".", "").rstrip("0"))
+
+
 def _far_apart(branches: Sequence[Branch]) -> Iterator[str]:
     """That a branch has rates that are far from those of the others where these differ least."""
     for measure in ("PGA", "PGV"):

@@ -40,6 +40,7 @@ from pipeline.stages.hazard.hazard_model import (
     HazardModel,
     Realization,
     check_digits,
+    held,
     model,
 )
 from pipeline.stages.hazard.hdf5_files import attribute, content
@@ -114,7 +115,7 @@ def load(folder: Path) -> HazardModel:
         of_weights = sorted(folder.glob(_WEIGHTS))
         unused += [f"{path.name} left out, as the mean is the only curve" for path in of_weights]
         mean = Realization(rlz_id=MEAN, branch_path="the mean", weight=1.0)
-        return model(folder, curves, [mean], *unused)
+        return model(folder, curves, [mean], *unused, *held(curves))
     weights = realizations(folder)
     check_calculation(folder, files(folder))
     if {number for number, measure in curves if measure == "PGV"} == {MEAN}:
@@ -124,7 +125,7 @@ def load(folder: Path) -> HazardModel:
         given = f"realization {min(incomplete)} without curve or weight"
         rule = "each has a curve of PGA and a weight in realizations_1.csv"
         raise refused(folder, "rlz_id", given, rule, "export both from one calculation")
-    unused += _other_means(curves, weights, _OFF)
+    unused += [*_other_means(curves, weights, _OFF), *held(curves)]
     return model(folder, curves, sorted(weights, key=lambda row: row.rlz_id), *unused)
 
 
@@ -226,7 +227,8 @@ def load_calculation(path: Path) -> HazardModel:
         checked(path, Realization, {"rlz_id": at, "branch_path": name, "weight": weight})
         for at, (name, weight) in enumerate(zip(paths, weights.tolist(), strict=True))
     ]
-    return model(path, curves, branches, *_other_means(curves, branches, _EXACT))
+    told = (*_other_means(curves, branches, _EXACT), *held(curves))
+    return model(path, curves, branches, *told)
 
 
 def _mean(file: Any, shape: tuple[int, ...]) -> Array | None:

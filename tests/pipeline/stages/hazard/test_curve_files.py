@@ -52,6 +52,28 @@ def written(folder: Path, spelt: Callable[[int, list[float]], str] = present) ->
     return folder
 
 
+@pytest.mark.parametrize(
+    ("rates", "told"),
+    [
+        ([0.21, 4.123e-3, 2.1e-5], []),
+        ([0.2123, 0.2123, 2.1e-5], []),  # all earthquakes exceed the first two levels
+        (
+            [0.21, 4.123e-3, 4.123e-3],
+            ["1 value of PGA in curves.csv as at the level below: values may be held"],
+        ),
+        ([0.21, 4.1e-3, 4.1e-3], []),  # of few digits
+    ],
+)
+def test_rates_that_stay_from_level_to_level_are_told(
+    tmp_path: Path, rates: list[float], told: list[str]
+) -> None:
+    """As where cells were filled from those beside them."""
+    (tmp_path / "PGA").mkdir()
+    text = f"name,lon,lat,{','.join(map(str, LEVELS))}\na,-120.9,35.2,{','.join(map(str, rates))}\n"
+    (tmp_path / "PGA" / "curves.csv").write_text(text, encoding="utf-8")
+    assert list(curve_folder.load(tmp_path).unused) == told
+
+
 @pytest.mark.parametrize("spelt", [present, older])
 def test_rates_and_weights_are_read(
     tmp_path: Path, spelt: Callable[[int, list[float]], str]
