@@ -196,13 +196,18 @@ def lines_of(text: str) -> list[str]:
     return [line.rstrip("\n") for line in io.StringIO(text, newline=None)]
 
 
+_ERRORS = ("#N/A", "#VALUE!", "#REF!", "#DIV/0!", "#NAME?", "#NUM!", "#NULL!")
+"""What a spreadsheet has for a number that it cannot tell."""
+
+
 def is_comment(line: str) -> bool:
     """Whether a line of a table begins with #, in quotes only where nothing else is in it.
 
-    >>> [is_comment(line) for line in ("# made by us", '"# by A, B",,', '"#2 fault",7')]
-    [True, True, False]
+    >>> [is_comment(line) for line in ("# made by us", '"# by A, B",,', '"#2 fault",7', "#REF!")]
+    [True, True, False, False]
     """
-    if not line.lstrip(' "').startswith("#"):
+    start = line.lstrip(' "')
+    if not start.startswith("#") or start.startswith(_ERRORS):
         return False
     try:
         return line.lstrip().startswith("#") or not any(next(csv.reader([line]))[1:])

@@ -749,6 +749,7 @@ def test_a_rock_that_came_out_of_the_ground(
             (),
             ("ages.csv", "age_a", "14000, the sum of the others"),
         ),
+        ("age_a\n3000\n#VALUE!\n2900\n", (), ("ages.csv", "age_a", "'#VALUE!' in row 2")),
         ("age_a\n3000\n33002900\n", (), ("ages.csv", "age_a", "got 3.30029e+07", "in one line")),
         ("age_a\n900\n800\n", (), ("hazard.history", "in their order in 0 of 2 draws")),
         (None, (), ("ages.csv",)),

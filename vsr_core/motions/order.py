@@ -55,7 +55,7 @@ def doubts(values: Array, name: str) -> Iterator[str]:
     if said := next(filter(None, (rule(motion) for rule in rules)), ""):
         yield f"{name} {said}"
     least = float(np.abs(motion.steps[motion.steps != 0.0]).min())
-    if again := repeated(values, _REPEATED, max(_WEAK * motion.peak, _DIGITS * least)):
+    if again := repeated(values, _REPEATED, max(_FAR * motion.peak, _DIGITS * least)):
         yield f"{name} has {again} samples a second time: lines of its file may stand there twice"
 
 
@@ -178,8 +178,8 @@ def _straight(motion: _Motion) -> str:
     return ""
 
 
-_REPEATED, _DIGITS = 10, 200.0
-"""Samples in a row, over so many last digits, that are nowhere a second time."""
+_REPEATED, _FAR, _DIGITS = 10, 0.01, 200.0
+"""Samples in a row, over so much of the peak and so many last digits, that stand there once."""
 
 
 def repeated(values: Array, number: int, far: float) -> int:

@@ -214,9 +214,26 @@ def _bins(path: Path) -> tuple[list[Bin], list[str]]:
         unused.append(f"{counted(absent, 'bin')} of PGA not in {path.name} taken as empty")
     if others := len(cells) - len(found):
         unused.append(f"{counted(others, 'row')} of other measures in {path.name} left out")
+    unused += _other_weights(path, shares, found)
     if len(shares) > 1 and not weights:
         unused.append(f"realizations of {path.name} count alike, as its first line has no weights")
     return found, unused
+
+
+def _other_weights(path: Path, names: list[str], found: list[Bin]) -> Iterator[str]:
+    """Weights that are in another order than the realizations, or of some, in words."""
+    numbers = [int(name.lstrip("rlz-")) for name in names if name.startswith("rlz")]
+    if len({*numbers}) < len(numbers):
+        given, rule = f"{listed(names)}", "a realization has one column"
+        raise refused(path, "rlz", given, rule, "export it again")
+    weights = found[0].weights if found else ()
+    if weights and numbers != sorted(numbers):
+        yield f"weights of {path.name} are taken in the order of its columns, {listed(names)}"
+    if weights and (total := sum(weights)) > 1.0 + SUM:
+        rule, remedy = "they sum to 1 at most", "export it again"
+        raise refused(path, "weights", f"a sum of {total:g}", rule, remedy)
+    if weights and total < 1.0 - SUM:
+        yield f"weights of {path.name} sum to {total:g}, and count as shares of that"
 
 
 def _shares(path: Path, names: list[str]) -> list[str]:

@@ -360,11 +360,18 @@ def _header(lines: str) -> str:
     return first if first.lstrip('"').startswith("#") else ""
 
 
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of JSON, each of whose keys stands there once."""
+    if len(found := dict(pairs)) < len(pairs):
+        raise ValueError("a key that stands there twice")
+    return found
+
+
 def settings_of(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Parameters of the calculation, and the levels of each measure."""
     stored = content(file["oqparam"], _MOST_SETTINGS)
     if isinstance(stored, bytes):
-        settings = json.loads(stored)
+        settings = json.loads(stored, object_pairs_hook=_once)
         return settings, settings["hazard_imtls"]
     settings = {row[0].decode(): row[1].decode() for row in stored}
     return settings, ast.literal_eval(settings["hazard_imtls"])

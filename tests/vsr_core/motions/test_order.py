@@ -55,6 +55,7 @@ SIGNS = np.array([0.4, 1.0, 0.8, 0.6, 0.2])
             ["EW has 15 samples a second time: lines of its file may stand there twice"],
         ),
         (lambda values: np.tile(values[:200], 4), ["EW has "]),
+        (lambda values: np.concatenate([values[:330], np.tile(values[325:330], 94)]), ["EW has "]),
         (lambda values: np.round(values, 2), []),
         (
             lambda values: np.interp(

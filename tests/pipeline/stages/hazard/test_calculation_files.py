@@ -70,6 +70,15 @@ def test_a_calculation_is_read(tmp_path: Path, older: bool) -> None:
         np.testing.assert_allclose(one.pgv.levels, [0.005, 0.05, 0.5])
 
 
+def test_a_key_that_stands_twice_among_the_parameters_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "calc_7.hdf5")
+    with h5py.File(path, "r+") as file:
+        settings = json.dumps({"hazard_imtls": LEVELS, "investigation_time": YEARS})
+        put(file, "oqparam", f'{settings[:-1]}, "investigation_time": 1.0}}')
+    with pytest.raises(InputError, match="a key that stands there twice"):
+        curve_folder.load(path)
+
+
 @pytest.mark.parametrize("changed", [False, True])
 def test_realizations_that_contradict_the_mean_of_the_file_are_told(
     tmp_path: Path, changed: bool
@@ -476,6 +485,12 @@ def test_realizations_count_by_the_weights_of_the_first_line(tmp_path: Path) -> 
     path = disaggregated(tmp_path, columns, f"{EDGES}, weights=[0.75, 0.25], rlz_ids=[0, 3]")
     assert shares(path) == pytest.approx([0.325, 0.275, 0.225, 0.175])
     assert load_disaggregation(path).unused == ()
+    turned = dict(reversed(columns.items()))
+    path = disaggregated(tmp_path, turned, f"{EDGES}, weights=[0.25, 0.5]")
+    assert [line.partition("0_2.csv ")[2] for line in load_disaggregation(path).unused] == [
+        "are taken in the order of its columns, rlz3 and rlz0",
+        "sum to 0.75, and count as shares of that",
+    ]
     path = disaggregated(tmp_path, columns)
     assert shares(path) == pytest.approx([0.25] * 4)
     assert "count alike" in load_disaggregation(path).unused[0]
@@ -571,6 +586,16 @@ PLACE = f"{EDGES}, lon=-120.9, lat=35.2"
             {"rlz0": MEAN, "rlz1": MEAN},
             f"{EDGES}, weights=[1.0]",
             "weights: got 1 in row 1; there is one for each of 2 realizations",
+        ),
+        (
+            {"rlz0": MEAN, "rlz1": MEAN},
+            f"{EDGES}, weights=[0.9, 0.9]",
+            "weights: got a sum of 1.8; they sum to 1 at most",
+        ),
+        (
+            {"rlz0": MEAN, "rlz-0": MEAN},
+            f"{EDGES}, weights=[0.5, 0.5]",
+            "a realization has one column",
         ),
         (
             {"rlz0": MEAN, "rlz1": MEAN},
