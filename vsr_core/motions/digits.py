@@ -205,12 +205,11 @@ def refuse_still(values: Array, name: str, step: float) -> None:
         end = start + length
         if length < _STANDS or length * step < 0.999 * _FOR:
             continue
-        inside = start > _BESIDE and end < len(steps) - _BESIDE
-        if not inside and _held_at_an_end(values, start, end, least):
-            given = f"{length + 1} samples in a row of {values[start]:.6g} ({name}) at an end"
-            rule = "the last or first of the shaking is held there"
-            raise InvalidInput(given, rule, "cut them off")
-        if not inside:
+        if not (start > _BESIDE and end < len(steps) - _BESIDE):
+            if _held_at_an_end(values, start, end, least):
+                given = f"{length + 1} samples in a row of {values[start]:.6g} ({name}) at an end"
+                rule = "the last or first of the shaking is held there"
+                raise InvalidInput(given, rule, "cut them off")
             continue
         beside = values[start - 1 - _BESIDE : start], values[end + 1 : end + 2 + _BESIDE][::-1]
         pace = min(np.median(np.abs(np.diff(side))) for side in beside)
