@@ -144,10 +144,12 @@ class EventSet:
                 ("PGV", event["pgv"]),
             ):
                 file[f"gmf_data/{name}"] = values.astype("u4" if name == "eid" else "f4")
-            ids = {"id": 7 + np.arange(number), "geom_id": np.arange(number)[::-1]}
-            file["ruptures"] = records(ids | {"mag": rupture["mag"]})
+            file["gmf_data/sid"] = np.zeros(own, "u4")
+            ids, count = np.arange(number), np.bincount(event["rup"], minlength=number)
+            of = {"id": 7 + ids, "geom_id": ids[::-1], "mag": rupture["mag"], "n_occ": count}
+            file["ruptures"] = records(of)[count > 0]  # as OpenQuake tells of no others
             file.create_dataset("rupgeoms", (number,), h5py.vlen_dtype(np.float32), chunks=True)
-            for at, one in zip(ids["geom_id"], surfaces, strict=True):
+            for at, one in zip(of["geom_id"], surfaces, strict=True):
                 file["rupgeoms"][at] = one
             file["sitecol/lon"], file["sitecol/lat"] = [SITE[0]], [SITE[1]]
             file["weights"] = np.array([weight for _, weight, _ in self.rates])

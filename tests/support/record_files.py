@@ -64,7 +64,8 @@ def _cosmos(values: Array, azimuth: int, interval: float, parameter: int) -> str
     integers[:3], integers[53] = (2, parameter, 4), azimuth
     reals = np.full(100, -999.0)
     reals[61], reals[62] = 1e3 * interval, interval * len(values)
-    lines = ["Corrected acceleration    (Format v01.20 with 13 text lines)"]
+    called = {1: "acceleration", 2: "velocity"}[parameter]
+    lines = [f"Corrected {called}    (Format v01.20 with 13 text lines)"]
     lines += [f"Made up, line {number}" for number in range(2, 14)]
     lines[4] = "Station No. 1  Nowhere Creek"
     lines.append(" 100 Integer-header values follow on 10 lines, Format=(10I8)")
@@ -73,11 +74,11 @@ def _cosmos(values: Array, azimuth: int, interval: float, parameter: int) -> str
     lines += _rows(reals, 6, "{:13.6f}")
     lines += ["   1 Comment line(s) follow, each starting with a '|':", "| made up"]
     lines.append(
-        f"{len(values):8d} acceleration pts, approx {interval * len(values):3.0f} secs, "
+        f"{len(values):8d} {called} pts, approx {interval * len(values):3.0f} secs, "
         "units=cm/sec2 (04), Format=(8F10.4)"
     )
     lines += _rows(100.0 * values, 8, "{:10.4f}")
-    lines.append("End-of-data for chan 1 acceleration")
+    lines.append(f"End-of-data for chan 1 {called}")
     return "\n".join(lines) + "\n"
 
 

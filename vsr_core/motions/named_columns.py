@@ -6,6 +6,7 @@ import io
 import math
 import re
 from array import array
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -25,6 +26,7 @@ _WITH_UNIT = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\[(\])]*[\])])?")
 """A name among names apart by blanks."""
 
 _DIGIT, _EXPONENT = re.compile(r"\d"), re.compile(r"[\d.][eE][-+\d]")
+_WORD = re.compile(r"\S+")
 
 
 def _apart_by_blanks(line: str) -> list[str]:
@@ -84,6 +86,26 @@ def is_cut(text: str, last: Sequence[str], others: Iterable[str]) -> bool:
 def _form(word: str) -> str:
     """A word with its digits alike and without a sign."""
     return _DIGIT.sub("0", word.strip(" +-"))
+
+
+def refuse_cut_lines(lines: Sequence[str]) -> None:
+    """Refuse a line whose last number ends before those of the others, if they stand in columns.
+
+    The last line may be shorter by whole numbers, and is off its columns wherever it ends.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    ends = [tuple(word.end() for word in _WORD.finditer(line)) for line in lines]
+    usual, number = Counter(ends).most_common(1)[0]
+    if 2 * number < len(lines):
+        return
+    cut = [its[:-1] == usual[: len(its) - 1] and its < usual[: len(its)] for its in ends]
+    cut[-1] = ends[-1] != usual[: len(ends[-1])]
+    if any(cut):
+        given = f"a line that ends in {lines[cut.index(True)].rstrip()[-9:]!r}, out of column"
+        raise InvalidInput(given, "it is whole", "download it again")
 
 
 def refuse_lost_exponents(words: Sequence[str], values: Array) -> None:

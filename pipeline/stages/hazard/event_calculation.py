@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.config import long_tables
 from pipeline.config.outside import Row, check_file, check_hdf5, checked
-from pipeline.stages.hazard import openquake
+from pipeline.stages.hazard import calculation_file
 from pipeline.stages.hazard.event_tables import Event, EventTables, Place, Rupture, Shaken
 from pipeline.stages.hazard.hazard_model import Realization
 from pipeline.stages.hazard.hdf5_files import attribute, content
@@ -39,16 +39,16 @@ def tables(path: Path) -> EventTables:
 
     check_file(path, long_tables.LARGEST)
     check_hdf5(path)
-    with openquake.reading(path, "gmf_data", _RULE), h5py.File(path) as file:
-        settings, _ = openquake.settings_of(file)
-        lon, lat = (openquake.numbers(file[f"sitecol/{name}"]) for name in ("lon", "lat"))
-        weights = openquake.weights_of(file)
-        names = openquake.paths_of(file, settings, len(weights))
+    with calculation_file.reading(path, "gmf_data", _RULE), h5py.File(path) as file:
+        settings, _ = calculation_file.settings_of(file)
+        lon, lat = (calculation_file.numbers(file[f"sitecol/{name}"]) for name in ("lon", "lat"))
+        weights = calculation_file.weights_of(file)
+        names = calculation_file.paths_of(file, settings, weights)
         times = [
-            openquake.number_of(settings[name])
+            calculation_file.number_of(settings[name])
             for name in ("investigation_time", "ses_per_logic_tree_path")
         ]
-    openquake.check_sites(path, lon.size, lat.size)
+    calculation_file.check_sites(path, lon.size, lat.size)
     return EventTables(
         dict.fromkeys(_KEYS, path),
         tuple(map(str, times)),
@@ -66,7 +66,7 @@ def _parts(path: Path, name: str, row: type[Row]) -> Iterator[dict[str, Any]]:
     import h5py
 
     read = {Event: _events, Shaken: _shaken, Rupture: _ruptures}[row]
-    with openquake.reading(path, _KEYS[name], _RULE), h5py.File(path) as file:
+    with calculation_file.reading(path, _KEYS[name], _RULE), h5py.File(path) as file:
         found = read(file)
         shapes = {values.shape for values in found.values()}
         if len(shapes) > 1 or len(shapes.pop()) != 1:
@@ -98,6 +98,8 @@ def _shaken(file: Any) -> dict[str, Any]:
         own = name if name in shaken else older
         if name == "PGA" or own in shaken:
             found[f"gmv_{name}"] = content(shaken[own], _MOST)
+    if "sid" in shaken and np.ptp(content(shaken["sid"], _MOST)) > 0:
+        raise ValueError("shaking at several sites")
     return found
 
 
@@ -108,6 +110,8 @@ def _ruptures(file: Any) -> dict[str, Any]:
     lain = np.array([_lie(geometry[at]) for at in ruptures["geom_id"]]).T
     names = ("centroid_lon", "centroid_lat", "strike", "dip")
     own = {"rup_id": _whole(ruptures["id"]), "mag": ruptures["mag"].astype(np.float64)}
+    if "n_occ" in ruptures.dtype.names:
+        own["multiplicity"] = _whole(ruptures["n_occ"])
     return own | dict(zip(names, lain, strict=True))
 
 

@@ -7,17 +7,13 @@ each further line is a site. Peak accelerations are in g, velocities in cm/s. Th
 ``realizations_1.csv``.
 
 In ``calc_N.hdf5``, ``hcurves-rlzs`` holds probabilities of exceedance for each site, realization,
-measure and level; ``weights`` those of the realizations, and ``oqparam`` the levels and the years:
-JSON, or in older versions a table of names and values as Python writes them.
+measure and level; ``oqparam`` the levels and the years.
 """
 
 from __future__ import annotations
 
-import ast
-import json
 import re
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +29,16 @@ from pipeline.config.outside import (
     table,
     text,
 )
+from pipeline.stages.hazard.calculation_file import (
+    check_sites,
+    described,
+    number_of,
+    numbers,
+    paths_of,
+    reading,
+    settings_of,
+    weights_of,
+)
 from pipeline.stages.hazard.hazard_model import (
     MEAN,
     UNITS,
@@ -43,10 +49,8 @@ from pipeline.stages.hazard.hazard_model import (
     held,
     model,
 )
-from pipeline.stages.hazard.hdf5_files import attribute, content
 from pipeline.workflow.grammar import listed
 from vsr_core.arrays import Array
-from vsr_core.errors import reason
 
 SUFFIXES = (".hdf5", ".h5")
 
@@ -61,13 +65,8 @@ _KIND = re.compile(rf"(?:^[#\",\s]*(?={_KINDS}\s*,)|kind\s*=\s*['\"]*)([\w.-]+)"
 _LEVEL = re.compile(r"([A-Za-z]\w*(?:\([^)]*\))?)-(.+)")
 _PLACES = ("lon", "lat", "depth", "custom_site_id", "site_id")
 
-_MOST = 50_000_000
-"""Numbers in an array of a calculation."""
-
-_MOST_SETTINGS = 10_000
-
-_MOST_ROWS, _MOST_BRANCHES = 100_000, 20_000
-"""Rows of a logic tree; realizations, which take two minutes of computing until their page."""
+_MOST_BRANCHES = 20_000
+"""Realizations, which take two minutes of computing until their page."""
 
 _MOST_LEVELS = 5_000_000
 """Levels of PGA and PGV of all realizations, which are checked one by one."""
@@ -189,14 +188,14 @@ def load_calculation(path: Path) -> HazardModel:
     with reading(path, _STORED, rule), h5py.File(path) as file:
         settings, levels = settings_of(file)
         poes, lon, lat = (numbers(file[name]) for name in (_STORED, "sitecol/lon", "sitecol/lat"))
-        measures = json.loads(attribute(file[_STORED], "json"))["imt"]
+        measures = described(file[_STORED], "rlz_id")["imt"]
         sites, number, of_measures, length = poes.shape
         if type(measures) is not list or not len(measures) == len(set(measures)) == of_measures:
             raise ValueError(f"{of_measures} curves of {measures}")
         weights = weights_of(file)
         if len(weights) != number:
             raise ValueError(f"{len(weights)} weights of {number} realizations")
-        paths = paths_of(file, settings, number)
+        paths = paths_of(file, settings, weights)
         years = number_of(settings["investigation_time"])
         known = {name: [number_of(level) for level in levels[name]] for name in measures}
         mean = _mean(file, poes.shape)
@@ -236,48 +235,11 @@ def _mean(file: Any, shape: tuple[int, ...]) -> Array | None:
     if _STATISTICS not in file:
         return None
     values = numbers(file[_STATISTICS])
-    names = json.loads(attribute(file[_STATISTICS], "json"))["stat"]
+    names = described(file[_STATISTICS], "stat")["stat"]
     sites, _, measures, levels = shape
     if values.shape != (sites, len(names), measures, levels):
         raise ValueError(f"{_STATISTICS} of {values.shape} beside {_STORED} of {shape}")
     return np.array(values[0, names.index("mean")]) if "mean" in names else None
-
-
-@contextmanager
-def reading(path: Path, key: str, rule: str) -> Iterator[None]:
-    """Refuse a calculation in one line, whatever reading it raises."""
-    try:
-        yield
-    except Exception as error:  # noqa: BLE001 (of a broken file, whatever HDF5 meets first)
-        given = f"an invalid file ({reason(error)})"
-        raise refused(path, key, given, rule, "run it so, or export its curves") from None
-
-
-def numbers(data: Any) -> Array:
-    """An array of a calculation, of bounded size."""
-    if data.dtype.kind not in "fiu":
-        raise ValueError(f"{data.dtype} for numbers")
-    return np.asarray(content(data, _MOST), dtype=np.float64)
-
-
-def number_of(setting: Any) -> float:
-    """A number among the parameters, which older versions wrote as text."""
-    if isinstance(setting, bool) or "_" in str(setting):
-        raise ValueError(f"{setting!r} for a number")
-    return float(setting)
-
-
-def weights_of(file: Any) -> Array:
-    """Weights of the realizations, the first where they have several."""
-    found = numbers(file["weights"])
-    return found.reshape(len(found), -1)[:, 0]
-
-
-def check_sites(path: Path, *counts: int) -> None:
-    """Refuse another number of sites, or of their coordinates, than one."""
-    if others := [count for count in counts if count != 1]:
-        rule, remedy = "all shaking is at one site", "calculate the rock's site only"
-        raise refused(path, "sitecol", f"{others[0]} sites", rule, remedy)
 
 
 def _curves(folder: Path) -> dict[tuple[int, str], tuple[Path, GivenCurve]]:
@@ -358,38 +320,3 @@ def _untyped(name: str) -> str:
 def _header(lines: str) -> str:
     first = lines.split("\n", 1)[0]
     return first if first.lstrip('"').startswith("#") else ""
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object of JSON, each of whose keys stands there once."""
-    if len(found := dict(pairs)) < len(pairs):
-        raise ValueError("a key that stands there twice")
-    return found
-
-
-def settings_of(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Parameters of the calculation, and the levels of each measure."""
-    stored = content(file["oqparam"], _MOST_SETTINGS)
-    if isinstance(stored, bytes):
-        settings = json.loads(stored, object_pairs_hook=_once)
-        return settings, settings["hazard_imtls"]
-    settings = {row[0].decode(): row[1].decode() for row in stored}
-    return settings, ast.literal_eval(settings["hazard_imtls"])
-
-
-def paths_of(file: Any, settings: dict[str, Any], number: int) -> list[str]:
-    """Choices that lead to each realization, where each source model has all ground-motion models.
-
-    Otherwise, as with several tectonic regions or sampled ones, the realizations have their numbers
-    only.
-    """
-    models = [row["path"].decode() for row in content(file["full_lt/sm_data"], _MOST_ROWS)]
-    stored = content(file["full_lt/gsim_lt"], _MOST_ROWS)
-    if own := {"PGA", "PGV"} & {*stored.dtype.names}:
-        raise ValueError(f"weights of {min(own)} of their own, which are not read")
-    motions = [row["branch"].decode() for row in stored]
-    regions = set(stored["trt"].tolist()) if "trt" in stored.dtype.names else set()
-    sampled = number_of(settings.get("number_of_logic_tree_samples", 0)) > 0
-    if len(models) * len(motions) != number or len(regions) > 1 or sampled:
-        return [f"realization {i}" for i in range(number)]
-    return [f"{model}~{motion}" for model in models for motion in motions]

@@ -75,8 +75,19 @@ def test_at2_that_breaks_its_word_is_refused() -> None:
     refusal(lambda: read_at2(spectrum, None), "SPECTRUM", "TIME SERIES")
     refusal(lambda: read_at2(text, "m/s2"), "motion.unit m/s2", "in G")
     refusal(lambda: read_at2(text[:-20] + "word\n", None), "word", "numbers")
-    for unit in ("MSEC", "MIN", "ms"):
-        refusal(lambda other=unit: read_at2(text.replace("SEC", other), None), "DT is in seconds")
+    for other in ("MSEC", "MIN", "ms", "(MSEC)", "SEC, DT= .0050 SEC", ".0050 SEC", "/2 SEC"):
+        said = text.replace("SEC", other)
+        refusal(lambda text=said: read_at2(text, None), "DT in seconds")
+    twice = text.replace("NPTS=", "NPTS= 500, NPTS=")
+    refusal(lambda: read_at2(twice, None), "NPTS and DT stand there once")
+    for other in ("CM/S2 G", "G (CM/S2)", "G IN UNITS OF CM/S/S"):
+        changed = text.replace("OF G", f"OF {other}")
+        refusal(lambda text=changed: read_at2(text, None), "it has one unit")
+    longer = text.replace("OF G", "OF G. FILTER POINTS: HP=0.1 Hz LP=30 Hz")
+    longer = longer.replace("SEC,", "(s),   0 POLE @    30.00000 HZ,  -5 POLE @      .05000")
+    np.testing.assert_array_equal(
+        read_at2(longer, None).acceleration, read_at2(text, None).acceleration
+    )
 
 
 def test_cosmos_with_several_channels() -> None:
@@ -111,6 +122,26 @@ def test_cosmos_that_breaks_its_word_is_refused() -> None:
     wrong_step = text.replace("    10.000000     4.000000", "    20.000000     4.000000")
     assert wrong_step != text
     refusal(lambda: read_cosmos(wrong_step, None), "400 samples of 20 ms", "4 s")
+    for said in ("g (04)", "cm/sec (04)", "g", "cm (04)"):
+        other = text.replace("units=cm/sec2 (04)", f"units={said}")
+        words = f"unit 4 in its header, and units={said} above"
+        refusal(lambda text=other, words=words: read_cosmos(text, None), words)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("Corrected acceleration", "Corrected velocity"),
+        ("acceleration pts", "velocity pts"),
+        ("       2       1       4", "       2       3       4"),
+    ],
+)
+def test_cosmos_that_is_called_another_quantity_is_refused(old: str, new: str) -> None:
+    """Else one of two channels would be passed over without a word, or a velocity be taken."""
+    one, two = (files.cosmos((VALUES, azimuth), interval=STEP) for azimuth in (90, 360))
+    changed = one + two.replace(old, new)
+    assert changed != one + two
+    refusal(lambda: read_cosmos(changed, None), "in its header, and is called")
 
 
 @pytest.mark.parametrize(
@@ -481,12 +512,52 @@ def test_knet_of_a_rate_that_is_no_whole_number(rate: float) -> None:
     assert (found.interval, len(found.acceleration)) == (1.0 / rate, len(values))
 
 
-@pytest.mark.parametrize("change", [("3920(gal)", "39200(gal)"), ("Max. Acc. (gal)   ", "&9")])
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("3920(gal)", "39200(gal)"),
+        ("Max. Acc. (gal)   ", "&9"),
+        ("(gal)   245.166", "(gal)   0.000"),
+    ],
+)
 def test_knet_whose_scale_contradicts_its_peak(change: tuple[str, str]) -> None:
     pytest.importorskip("obspy")
     old, new = change
     text = files.knet(VALUES, STEP).replace(old, new.replace("&", old))
     refusal(lambda: read(text.encode(), ".NS", PLAIN), "gal by its scale factor", "two agree")
+
+
+@pytest.mark.parametrize("line", [0, 20, -2, -1])
+@pytest.mark.parametrize("kind", [".NS", ".AT2", ".sac"])
+def test_a_line_cut_inside_its_last_number_is_refused(kind: str, line: int) -> None:
+    pytest.importorskip("obspy")
+    text = {".NS": knet_text, ".AT2": at2_text, ".sac": sac_text}[kind]()
+    header = {".NS": 17, ".AT2": 4, ".sac": 30}[kind]
+    how = Reading(unit="m/s2" if kind == ".sac" else None)
+    lines = text.splitlines()
+    samples = [one.rstrip() for one in lines[header:]]
+    samples[line] = samples[line][:-1]
+    cut = "\n".join([*lines[:header], *samples, ""])
+    refusal(lambda: read(cut.encode(), kind, how), "a line that ends in", "out of column")
+    free = "\n".join([*lines[:header], *(" ".join(one.split()) for one in lines[header:]), ""])
+    whole = read(text.encode(), kind, how).acceleration
+    np.testing.assert_array_equal(read(free.encode(), kind, how).acceleration, whole)
+
+
+def knet_text() -> str:
+    return files.knet(VALUES, STEP)
+
+
+def at2_text() -> str:
+    return files.at2(VALUES, STEP)
+
+
+def sac_text() -> str:
+    import obspy
+
+    content = io.BytesIO()
+    obspy.Trace(VALUES.astype(np.float32), {"delta": STEP}).write(content, format="SACXY")
+    return content.getvalue().decode()
 
 
 def test_a_sample_of_knet_has_no_underscore() -> None:

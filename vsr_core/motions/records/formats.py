@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from vsr_core.errors import InvalidInput, reason
+from vsr_core.motions.named_columns import refuse_cut_lines
 from vsr_core.motions.records import columns, miniseed, text_files
 from vsr_core.motions.records.directions import of_stream
 from vsr_core.motions.records.instrument_response import Corners, without_response
@@ -64,9 +65,11 @@ def read_waveforms(
                 stream[0].stats.sampling_rate = rate  # of which ObsPy takes the whole part
             if kind == "MSEED":
                 odd = miniseed.checked(content, sum(len(trace) for trace in stream))
-            if kind == "SACXY" and not content.endswith(b"\n"):
-                given = "a SAC file of text whose last line has no end"
-                raise InvalidInput(given, "it is whole", "download it again, or end the line")
+            if kind == "SACXY":
+                if not content.endswith(b"\n"):
+                    given = "a SAC file of text whose last line has no end"
+                    raise InvalidInput(given, "it is whole", "download it again, or end the line")
+                refuse_cut_lines(content.decode("latin-1").splitlines()[_SACXY_HEADER:])
             _check_span(stream)
             _check_quantity(stream)
             if response is not None:
@@ -98,6 +101,10 @@ _SEISMOMETERS = "HLP"
 """Instrument codes of SEED (manual 2.4, appendix A) whose samples follow velocity."""
 
 
+_SACXY_HEADER = 30
+"""Lines before the samples of a SAC file of text."""
+
+
 def _check_quantity(stream: Any) -> None:
     """Refuse what is no time series of a motion, or contradicts its header."""
     rule, remedy = "it is a motion in even steps of time", "use the record of the acceleration"
@@ -109,7 +116,7 @@ def _check_quantity(stream: Any) -> None:
             raise InvalidInput(given, rule, remedy)
         if _PRESSURE.fullmatch(channel):
             raise InvalidInput(f"{channel}, by its code a pressure", rule, remedy)
-        if said := trace.stats.get("knet", {}).get("accmax"):
+        if (said := trace.stats.get("knet", {}).get("accmax")) is not None:
             moved = float(np.abs(trace.data - trace.data.mean()).max())
             peak = moved * trace.stats.calib / factor("gal")
             if not is_near(said, peak):
@@ -171,10 +178,7 @@ def _checked_rate_of_knet(content: bytes) -> float:
     if not (number and math.isclose(number, wanted)):
         given = f"a K-NET file of {number} samples that says {wanted:g}"
         raise InvalidInput(given, "it holds some, as many as it says", "download it again")
-    ends = [[word.end() for word in re.finditer(r"\S+", line)] for line in samples if line]
-    if all(line == ends[0] for line in ends[:-1]) and ends[-1] != ends[0][: len(ends[-1])]:
-        given = f"a K-NET file that ends in {samples[-1][-9:]!r}, which is out of column"
-        raise InvalidInput(given, "it is whole", "download it again")
+    refuse_cut_lines([line for line in samples if line])
     return rate
 
 

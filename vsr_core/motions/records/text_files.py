@@ -25,12 +25,18 @@ import numpy as np
 
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-from vsr_core.motions.named_columns import is_cut, plain_number, refuse_lost_exponents
+from vsr_core.motions.named_columns import (
+    is_cut,
+    plain_number,
+    refuse_cut_lines,
+    refuse_lost_exponents,
+)
 from vsr_core.motions.records.record import (
     UPWARD,
     Record,
     check_sampling,
     factor,
+    is_acceleration,
     is_near,
     side_by_side,
     stated,
@@ -40,7 +46,11 @@ _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)"
 _NAMED = re.compile(rf"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*{_NUMBER}", re.IGNORECASE)
 _PLAIN = re.compile(rf"^\s*(\d+)\s+{_NUMBER}\s+NPTS\s*,\s*DT", re.IGNORECASE)
 _UNIT = re.compile(r"IN UNITS OF\s+(\S+)", re.IGNORECASE)
-_SECONDS = re.compile(r"\s*+(SEC|S\b|[^A-Z]|$)", re.IGNORECASE)
+_SECONDS = re.compile(
+    r"[\s(]*((SEC[A-Z]*|S)(?![A-Z]))?[\s).;]*(,((?!NPTS|DT).)*)?", re.IGNORECASE | re.DOTALL
+)
+"""All that follows the time step: its unit, and after a comma the filter of some files."""
+
 _WORD = re.compile(r"\S+")
 _UPWARD = re.compile(r"(?:.*[\W_])?[UV]\d?\s*(?:\(.*)?", re.IGNORECASE)
 """Components that PEER NGA calls vertical, where other files may have u and v to the sides."""
@@ -82,13 +92,18 @@ def read_at2(text: str, unit: str | None) -> Record:
         given = f"an AT2 file whose third line is {quantity[:40]!r}"
         rule = "it says ACCELERATION TIME SERIES IN UNITS OF G"
         raise InvalidInput(given, rule, "use the acceleration (.AT2), not velocity or displacement")
-    if not _SECONDS.match(lines[3], found.end()):
-        said = lines[3][found.start() :].strip()
-        raise InvalidInput(f"an AT2 file that says {said[:40]!r}", "DT is in seconds", "change it")
+    if not _SECONDS.fullmatch(lines[3], found.end()) or lines[3][: found.start()].strip():
+        given = f"an AT2 file that says {lines[3].strip()[:50]!r}"
+        rule = "NPTS and DT stand there once, DT in seconds"
+        raise InvalidInput(given, rule, "change it")
     number, interval = float(found[1]), float(found[2].upper().replace("D", "E"))
     check_sampling(interval, number)
     in_file = _UNIT.search(quantity)
-    name = stated(in_file[1].strip("().") if in_file else None, unit)
+    name = stated(in_file[1].strip("().,;") if in_file else None, unit)
+    words = [word.strip("().,;") for word in quantity[in_file.end() if in_file else 0 :].split()]
+    if other := next((one for one in words if _is_other(one, name)), None):
+        given = f"an AT2 file in {name} and in {other}"
+        raise InvalidInput(given, "it has one unit", "leave the other out of its third line")
     start = sum(map(len, lines))
     count = sum(1 for _ in islice(_WORD.finditer(text, start), int(number) + 1))
     if count > number:
@@ -105,6 +120,7 @@ def read_at2(text: str, unit: str | None) -> Record:
     if len(values) != number:
         raise _other_count(count, number)
     refuse_lost_exponents(words, values)
+    refuse_cut_lines(text[start:].split("\n")[:-1])
     event = [part.strip() for part in lines[1].split(",")]
     station = event[-2] if len(event) > 2 else ""
     channel = event[-1] if len(event) > 1 else "1"
@@ -122,6 +138,11 @@ def read_at2(text: str, unit: str | None) -> Record:
         instruments=instruments,
         directions=(UPWARD,) if _UPWARD.fullmatch(channel) or upward else (),
     )
+
+
+def _is_other(word: str, unit: str) -> bool:
+    """Whether a word is a unit of acceleration, and not this one."""
+    return is_acceleration(word) and factor(word) != factor(unit)
 
 
 def _other_count(count: int, number: float) -> InvalidInput:
@@ -143,8 +164,13 @@ _SCNL = re.compile(r"\|\s*<SCNL>\w+\.(\w+)\.")
 DIGITS = 9
 """Digits read of a number in a header: more than any file has lines."""
 
-_UNIT_ABOVE = re.compile(r"units\s*=[^(]*\((\d{1,9})\)", re.IGNORECASE)
+_UNIT_ABOVE = re.compile(r"units\s*=\s*([^(,]*[^(,\s])?\s*(?:\(\s*(\d{1,9})\s*\))?", re.IGNORECASE)
 """The unit in words, and its number, in the heading of the samples."""
+
+_NO_ACCELERATION = re.compile(r"[cm]?m(/s(ec)?)?", re.IGNORECASE)
+
+_QUANTITIES = {1: "accel", 2: "veloc", 3: "displ"}
+"""What integer 2 of a header says, as titles and headings begin it."""
 
 _FORMAT = re.compile(r"\(\s*(\d+)\s*[IFE]\s*(\d+)(?:\.\d+)?\s*\)", re.IGNORECASE)
 
@@ -211,6 +237,7 @@ def _series(title: str, lines: Iterator[str]) -> Record | None:
         raise _broken(f"has {len(integers)} integer and {len(reals)} real header values")
     if not (np.isfinite(integers).all() and np.isfinite(reals).all()):
         raise _broken("has header values that are no numbers")
+    _check_quantity(int(integers[1]), title, heading)
     if int(integers[1]) != 1:
         return None
     interval, length = 1e-3 * float(reals[61]), float(reals[62])
@@ -224,7 +251,7 @@ def _series(title: str, lines: Iterator[str]) -> Record | None:
             f"a COSMOS file in unit {code}", "accelerations are in g, cm/s2 or gal", "convert it"
         )
     above = _UNIT_ABOVE.search(heading)
-    if above and int(above[1]) != code:
+    if above and (int(above[2] or code) != code or _differ(above[1] or "", _UNITS[code])):
         raise _broken(f"has unit {code} in its header, and {above[0]} above its samples")
     code_told = _code(said)
     level = 1 <= azimuth <= 360 and not re.fullmatch("[A-Z]{2}Z", code_told)
@@ -236,6 +263,22 @@ def _series(title: str, lines: Iterator[str]) -> Record | None:
     agrees = stated_peak in (0.0, _UNKNOWN) or is_near(abs(stated_peak), peak)
     doubts = () if agrees else (f"{channel}: its header says a peak of {stated_peak:g}",)
     return Record(values, interval, (channel,), station, source, _UNITS[code], doubts)
+
+
+def _check_quantity(number: int, title: str, heading: str) -> None:
+    """Refuse a series that is called another one than the number in its header says."""
+    for said in (title, heading):
+        called = [key for key, word in _QUANTITIES.items() if word in said.lower()]
+        if called and number not in called:
+            words = said.split("(")[0].strip()[:50]
+            raise _broken(f"has quantity {number} in its header, and is called {words!r}")
+
+
+def _differ(words: str, unit: str) -> bool:
+    """Whether a unit in words is another than that of the header's number."""
+    if is_acceleration(words) and is_acceleration(unit):
+        return factor(words) != factor(unit)
+    return bool(_NO_ACCELERATION.fullmatch(words.strip()))
 
 
 def _code(comments: list[str]) -> str:

@@ -99,8 +99,50 @@ def test_realizations_that_contradict_the_mean_of_the_file_are_told(
         del file["hcurves-stats"]
         file["hcurves-stats"] = curves[:, :, :2]
         file["hcurves-stats"].attrs["json"] = json.dumps(said)
-    with pytest.raises(InputError, match="hcurves-stats of "):
+    with pytest.raises(InputError, match="hcurves-stats with 2 of imt, which says"):
         curve_folder.load(path)
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ({"rlz_id": 3}, "with 2 of rlz_id, which says 3"),
+        ({"lvl": 25}, "with 3 of lvl, which says 25"),
+        ({"site_id": 3}, "with 1 of site_id, which says 3"),
+        ({"shape_descr": ["site_id", "rlz_id", "lvl", "imt"]}, "hcurves-rlzs by "),
+    ],
+)
+def test_curves_that_are_not_as_many_as_they_say_are_refused(
+    tmp_path: Path, said: dict[str, Any], words: str
+) -> None:
+    path = written(tmp_path / "calc_7.hdf5")
+    whole = {"site_id": 1, "rlz_id": 2, "imt": list(LEVELS), "lvl": 3}
+    for told in (whole | {"shape_descr": [*whole]}, whole | said):
+        model = curve_folder.load(path)
+        assert [one.weight for one in model.branches] == pytest.approx(WEIGHTS)
+        with h5py.File(path, "r+") as file:
+            file["hcurves-rlzs"].attrs["json"] = json.dumps(told)
+    with pytest.raises(InputError, match=words):
+        curve_folder.load(path)
+
+
+def test_weights_that_the_logic_tree_does_not_make_are_refused(tmp_path: Path) -> None:
+    """Of two source models and one ground-motion model; sampled ones have weights of their own."""
+    path = written(tmp_path / "calc_7.hdf5")
+    kinds = [("path", "S9"), ("branch", "S9"), ("weight", "f4")]
+    with h5py.File(path, "r+") as file:
+        models = [(b"b1", b"", WEIGHTS[0]), (b"b2", b"", WEIGHTS[1])]
+        for name, rows in (("sm_data", models), ("gsim_lt", [(b"", b"A", 1.0)])):
+            put(file, f"full_lt/{name}", np.array(rows, dtype=kinds))
+    assert [one.path for one in curve_folder.load(path).branches] == ["b1~A", "b2~A"]
+    with h5py.File(path, "r+") as file:
+        file["weights"][...] = WEIGHTS[::-1]
+    with pytest.raises(InputError, match=r"the logic tree does not make, as 0.4 for 0.6"):
+        curve_folder.load(path)
+    settings = {"hazard_imtls": LEVELS, "investigation_time": YEARS}
+    with h5py.File(path, "r+") as file:
+        put(file, "oqparam", json.dumps(settings | {"number_of_logic_tree_samples": 2}))
+    assert curve_folder.load(path).branches[0].path == "realization 0"
 
 
 @pytest.mark.parametrize("sampled", [False, True])
@@ -228,7 +270,7 @@ DAMAGES: dict[str, tuple[Callable[[h5py.File], Any], str]] = {
     "no place": (lambda file: put(file, "sitecol/lon", [math.nan]), "lon: got nan"),
     "no longitude": (lambda file: put(file, "sitecol/lon", np.zeros(0)), "sitecol: got 0 sites"),
     "two latitudes": (lambda file: put(file, "sitecol/lat", [35.2, 36.2]), "sitecol: got 2 sites"),
-    "one measure twice": (lambda file: twice(file), "1 curves of"),
+    "one measure twice": (lambda file: twice(file), "with 1 of imt, which says"),
     "more weights": (
         lambda file: put(file, "weights", [0.2, 0.4, 0.3, 0.1]),
         "4 weights of 2 realizations",

@@ -460,6 +460,30 @@ def test_numbers_that_are_not_stored_are_not_read(tmp_path: Path, name: str) -> 
         event_files.load(path, None)
 
 
+def test_a_calculation_has_the_events_that_its_ruptures_say(tmp_path: Path) -> None:
+    path = EventSet(400.0, ruptures=40).write_calculation(tmp_path / "calc_7.hdf5")
+    with h5py.File(path, "r+") as file:
+        events = file["events"][()]
+        lost = events["id"][events["rup_id"] == events["rup_id"][7]][0]
+        held = {name: file[name][()] for name in ("gmf_data/eid", "gmf_data/PGA", "gmf_data/PGV")}
+        held["gmf_data/sid"] = file["gmf_data/sid"][()]
+        for name in ("events", *held):
+            del file[name]
+        file["events"] = events[events["id"] != lost]
+        for name, values in held.items():
+            file[name] = values[held["gmf_data/eid"] != lost]
+    with pytest.raises(InputError, match=r"events of rupture \d+; it has \d+; export all events"):
+        event_files.load(path, None)
+
+
+def test_shaking_of_a_calculation_is_at_one_site(tmp_path: Path) -> None:
+    path = EventSet(400.0, ruptures=40).write_calculation(tmp_path / "calc_7.hdf5")
+    with h5py.File(path, "r+") as file:
+        file["gmf_data/sid"][1] = 1
+    with pytest.raises(InputError, match="shaking at several sites"):
+        event_files.load(path, None)
+
+
 def test_older_versions_number_their_measures(tmp_path: Path) -> None:
     """As OpenQuake 3.20 has them, here with PGV before PGA."""
     path = EventSet(400.0, ruptures=40).write_calculation(tmp_path / "calc_7.hdf5")
