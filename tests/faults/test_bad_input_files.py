@@ -62,7 +62,7 @@ CORNERS, FACES = np.array(BOX.vertices), np.array(BOX.faces) + 1
 MESHES: dict[str, tuple[bytes, str]] = {
     "ascii of 2e9.ply": (
         PLY.format(form="ascii", vertices=HUGE, faces=12).encode() + b"0 0 0\n",
-        "not three parts",
+        "a file of 1 lines where its header says 2000000012",
     ),
     "binary of 2e9.ply": (
         PLY.format(form="binary_little_endian", vertices=HUGE, faces=12).encode() + bytes(100),

@@ -5,8 +5,11 @@ from __future__ import annotations
 import io
 import json
 import re
+from functools import partial
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -42,8 +45,9 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     kind = path.suffix[1:].lower()
     try:
         with path.open("rb") as file:
-            if kind == "glb":
-                _require_plain_gltf(file)
+            if kind in _WHOLE:
+                _WHOLE[kind](file)
+                file.seek(0)
             text = io.BytesIO(_counted_from_the_first(file.read())) if kind == "obj" else file
             mesh = trimesh.load(text, file_type=kind, resolver={}, force="mesh", process=False)
     except InvalidInput:
@@ -67,7 +71,6 @@ def _require_plain_gltf(file: BinaryIO) -> None:
     """Refuse what trimesh passes over: coordinates replaced, packed, made integers or deformed."""
     length = int.from_bytes(file.read(16)[12:], "little")
     scene = json.loads(file.read(length + 4)[4:])
-    file.seek(0)
     needed = [f"extension {name}" for name in scene.get("extensionsRequired", ())]
     if any("sparse" in accessor for accessor in scene.get("accessors", ())):
         needed.append("sparse accessors")
@@ -79,6 +82,46 @@ def _require_plain_gltf(file: BinaryIO) -> None:
     if needed:
         given = f"a glTF file that needs {listed(needed)}"
         raise InvalidInput(given, "its coordinates are plain", "export it without, or as .ply")
+
+
+def _require_lines_of_ply(file: BinaryIO) -> None:
+    """Refuse a PLY file of text with other lines than it says; trimesh refuses a binary one."""
+    lines = (line.split() for line in iter(partial(file.readline, _LINE), b""))
+    header = list(takewhile(lambda words: words != [b"end_header"], lines))
+    if [b"format", b"ascii", b"1.0"] in header:
+        told = sum(int(line[2]) for line in header if line[:1] == [b"element"])
+        held = sum(1 for line in file if line.strip())
+        if held != told:
+            raise _other_count(f"{held} lines where its header says {told}")
+
+
+def _require_counts_of_dae(file: BinaryIO) -> None:
+    """Refuse a COLLADA file whose numbers, triangles or polygons are not as many as it says."""
+    for _, one in ElementTree.iterparse(file):  # noqa: S314 (expat refuses texts that multiply)
+        name = one.tag.rpartition("}")[2]
+        if name not in _COUNTED:
+            continue
+        part = one if name == "float_array" else one.find("{*}" + _COUNTED[name])
+        held = len(((part.text if part is not None else "") or "").split())
+        each = 1
+        if name == "triangles":
+            each = 3 + 3 * max(int(of.get("offset", 0)) for of in one.iterfind("{*}input"))
+        told = int(one.get("count", -1))
+        if held != each * told:
+            raise _other_count(f"{held} numbers of {name} where it says {each * told}")
+
+
+_COUNTED = {"float_array": "", "triangles": "p", "polylist": "vcount"}
+"""Parts of COLLADA, and where they have as many numbers as they say, or three for each input."""
+
+_WHOLE = {"glb": _require_plain_gltf, "ply": _require_lines_of_ply, "dae": _require_counts_of_dae}
+
+_LINE = 10_000
+"""Bytes of a line of PLY's header."""
+
+
+def _other_count(what: str) -> InvalidInput:
+    return InvalidInput(f"a file of {what}", "it holds as many as it says", "export it again")
 
 
 def _counted_from_the_first(text: bytes) -> bytes:

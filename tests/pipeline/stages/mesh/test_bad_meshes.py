@@ -163,6 +163,39 @@ def test_a_unit_in_the_file_is_that_of_the_scale(tmp_path: Path) -> None:
     assert mesh_files.read(path, 0.0254).extents == pytest.approx([0.0254] * 3, rel=1e-3)
 
 
+def ply(encoding: str) -> bytes:
+    written = ball().export(file_type="ply", encoding=encoding, vertex_normal=False)
+    return written if isinstance(written, bytes) else written.encode()
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "words"),
+    [
+        ("ascii.ply", lambda text: text[: text.rindex(b"\n3 ")], "where its header says"),
+        ("ascii.ply", lambda text: text.replace(b"face 1280", b"face 1250"), "1922 lines where"),
+        ("binary.ply", lambda text: text.replace(b"face 1280", b"face 1277"), "unexpected length"),
+        ("x.dae", lambda text: text.replace(b'count="1280"', b'count="1270"'), "of triangles wh"),
+        ("x.dae", lambda text: re.sub(rb"( \d+){6}</p>", b"</p>", text), "numbers of triangles"),
+        (
+            "x.dae",
+            lambda text: re.sub(rb" \S+</float_", b"</float_", text, count=1),
+            "of float_array",
+        ),
+    ],
+)
+def test_a_mesh_of_another_number_of_parts_than_it_says_is_refused(
+    tmp_path: Path, kind: str, change: Callable[[bytes], bytes], words: str
+) -> None:
+    path = tmp_path / f"rock.{kind[-3:]}"
+    whole = ply(kind.split(".")[0]) if path.suffix == ".ply" else export_collada(ball())
+    path.write_bytes(whole)
+    assert mesh_files.read(path).volume == pytest.approx(ball().volume, rel=1e-5)
+    assert change(whole) != whole
+    path.write_bytes(change(whole))
+    with pytest.raises(InvalidInput, match=words):
+        mesh_files.read(path)
+
+
 @pytest.mark.parametrize("kind", FORMATS)
 @pytest.mark.parametrize(
     "content",
