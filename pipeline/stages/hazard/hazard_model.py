@@ -108,6 +108,7 @@ class GivenCurve(Row):
     years: float | None = Field(None, ge=1e-3, le=1e6, description="years of the probabilities")
     lon: float = Field(ge=-180, le=360, description="longitude of the site [degree]")
     lat: float = Field(ge=-90, le=90, description="latitude of the site [degree]")
+    place: Annotated[tuple[str, ...], Lax] = Field((), description="what else tells the site")
     levels: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Lax] = Field(
         min_length=2, max_length=10_000, description="two or more levels of the measure"
     )
@@ -272,6 +273,9 @@ def _alike(curves: list[tuple[Path, GivenCurve]]) -> None:
         other, levels = of_measure[one.measure]
         if max(abs(one.lon - first.lon), abs(one.lat - first.lat)) > NEAR:
             given = f"{one.lon:g}, {one.lat:g}, and elsewhere {first.lon:g}, {first.lat:g}"
+            raise refused(path, "lon, lat", given, "all curves are of one site", remedy)
+        if one.place != first.place:
+            given = " and elsewhere ".join(", ".join(of.place) or "nothing" for of in (one, first))
             raise refused(path, "lon, lat", given, "all curves are of one site", remedy)
         if one.years != first.years:
             given = f"{one.years:g} years, and elsewhere {first.years:g}"

@@ -71,6 +71,9 @@ _MOST_BRANCHES = 20_000
 _MOST_LEVELS = 5_000_000
 """Levels of PGA and PGV of all realizations, which are checked one by one."""
 
+_HEAD = 10_000
+"""Characters in which a first line ends, and comments would follow it."""
+
 _LARGEST = 64 * 1024**3
 """Bytes of a calculation, of whose arrays only some are read."""
 
@@ -165,7 +168,9 @@ def check_calculation(folder: Path, paths: Iterable[Path]) -> dict[str, str]:
     said: dict[str, dict[str, str]] = {}
     for path in paths:
         with opened(path, _LARGEST) as file:
-            first = file.readline(10_000).decode("utf-8", "replace")
+            head = file.read(_HEAD).decode("utf-8", "replace")
+        _check_stated_once(path, head)
+        first = head.split("\n", 1)[0]
         told = {what: pattern.search(first) for what, pattern in _SAID.items()}
         for what, one in {"number": _NUMBER.search(path.name), **told}.items():
             if one:
@@ -242,6 +247,21 @@ def _mean(file: Any, shape: tuple[int, ...]) -> Array | None:
     return np.array(values[0, names.index("mean")]) if "mean" in names else None
 
 
+_COMMENT = re.compile(r"^[\s\"]*#.*", re.MULTILINE)
+_KEY = re.compile(
+    r"\b(investigation_time|ses_per_logic_tree_path|imt|kind|checksum|lon|lat|weights|\w+_bin_edges)"
+    r"\s*="
+)
+"""What is read of comments, the first line among them."""
+
+
+def _check_stated_once(path: Path, lines: str) -> None:
+    """Refuse comments that state a thing twice."""
+    keys = [key for comment in _COMMENT.findall(lines) for key in _KEY.findall(comment)]
+    if twice := next((key for key in keys if keys.count(key) > 1), None):
+        raise refused(path, twice, "it twice", "the first line states it", "export it again")
+
+
 def _curves(folder: Path) -> dict[tuple[int, str], tuple[Path, GivenCurve]]:
     """Curves by number of the realization, or of the mean, and measure."""
     found: dict[tuple[int, str], tuple[Path, GivenCurve]] = {}
@@ -264,10 +284,10 @@ def _named(folder: Path) -> Iterator[tuple[Path, re.Match[str]]]:
 def _curve(path: Path, kind: str, measure: str) -> GivenCurve:
     lines = text(path)
     header = _header(lines)
-    years = sorted(set(YEARS.findall(header)))
-    if len(years) != 1:
+    _check_stated_once(path, lines)
+    if (years := YEARS.search(header)) is None:
         rule = "the first line gives the years of the probabilities"
-        raise refused(path, "investigation_time", " and ".join(years) or "nothing", rule)
+        raise refused(path, "investigation_time", "nothing", rule)
     for key, pattern, named in (("imt", _MEASURE, measure), ("kind", _KIND, kind)):
         if (stated := pattern.search(header)) and stated[1] != named:
             rule = f"the file name says {named}"
@@ -289,8 +309,9 @@ def _curve(path: Path, kind: str, measure: str) -> GivenCurve:
         GivenCurve,
         {
             "measure": measure,
-            "years": years[0],
+            "years": years[1],
             **{name: cells[name] for name in ("lon", "lat") if name in cells},
+            "place": tuple(f"{name} {cells[name]}" for name in _PLACES[2:] if name in cells),
             "levels": [found[2] for found in levels.values()],
             "values": [cells[name] for name in levels],
         },

@@ -122,6 +122,9 @@ def test_cosmos_that_breaks_its_word_is_refused() -> None:
     wrong_step = text.replace("    10.000000     4.000000", "    20.000000     4.000000")
     assert wrong_step != text
     refusal(lambda: read_cosmos(wrong_step, None), "400 samples of 20 ms", "4 s")
+    block = text.index("acceleration pts")
+    whole = text[:block] + re.sub(r"(\d)\.(\d{4})", r"\1\2 ", text[block:], count=1)
+    refusal(lambda: read_cosmos(whole, None), "without a point, under")
     for said in ("g (04)", "cm/sec (04)", "g", "cm (04)"):
         other = text.replace("units=cm/sec2 (04)", f"units={said}")
         words = f"unit 4 in its header, and units={said} above"

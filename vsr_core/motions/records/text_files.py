@@ -172,7 +172,7 @@ _NO_ACCELERATION = re.compile(r"[cm]?m(/s(ec)?)?", re.IGNORECASE)
 _QUANTITIES = {1: "accel", 2: "veloc", 3: "displ"}
 """What integer 2 of a header says, as titles and headings begin it."""
 
-_FORMAT = re.compile(r"\(\s*(\d+)\s*[IFE]\s*(\d+)(?:\.\d+)?\s*\)", re.IGNORECASE)
+_FORMAT = re.compile(r"\(\s*(\d+)\s*[IFE]\s*(\d+)(?:\.(\d+))?\s*\)", re.IGNORECASE)
 
 
 def is_cosmos(start: str) -> bool:
@@ -302,6 +302,8 @@ def _block(lines: Iterator[str], heading: str) -> Array:
         if len(line.rstrip()) > taken * width:
             raise _broken(f"has a line of more columns than {heading.strip()[:50]!r} has")
         words += [line[i * width : (i + 1) * width] for i in range(taken)]
+    if int(columns[3] or 0) and (whole := next((word for word in words if "." not in word), None)):
+        raise _broken(f"has {whole.strip()!r}, without a point, under {heading.strip()[:50]!r}")
     try:
         return np.array([plain_number(word) for word in words])
     except ValueError:

@@ -133,7 +133,17 @@ def test_a_mean_curve_that_is_none_of_the_realizations_is_told(
         (FIRST, "-120.9,35.2,0.0,", "-120.9,35.2,0.0,1.0,", "7 fields in row 1"),
         (FIRST, "9.999546000702E-01", "1.0", "no finite rate"),
         (FIRST, "investigation_time=50.0", "risk_investigation_time=50.0", "got nothing"),
-        (FIRST, "kind=", "investigation_time=1.0, kind=", "got 1.0 and 50.0"),
+        (FIRST, "kind=", "investigation_time=1.0, kind=", "investigation_time: got it twice"),
+        (FIRST, "imt='PGA'", "imt='PGA', imt='SA(0.2)'", "imt: got it twice; the first line"),
+        (FIRST, "\nlon", "\n# investigation_time=1.0\nlon", "investigation_time: got it twice"),
+        (FIRST, "E-04\n", "E-04\n# investigation_time=1.0\n", "investigation_time: got it twice"),
+        (
+            "realizations_1.csv",
+            "rlz_id",
+            "# checksum=1, checksum=2\nrlz_id",
+            "checksum: got it twice",
+        ),
+        (FIRST, "-120.9,35.2,0.0,", "-120.9,35.2,10.0,", "got depth 0.0 and elsewhere depth 10.0"),
         (FIRST, "investigation_time=50.0", "investigation_time=1e-300", "years: got '1e-300'"),
         (FIRST, "investigation_time=50.0", "investigation_time=5.0", "50 years, and elsewhere 5"),
         (FIRST, "poe-0.1000000", "poe-nan", "levels.1: got 'nan'"),
@@ -426,6 +436,18 @@ def nshmp(folder: Path, rates: str, levels: str = "0.01,0.1,0.5,1.0") -> Path:
     text = f"name,lon,lat,{levels}\nhere,-120.9,35.2,{rates}\n"
     (folder / "PGA" / "curves.csv").write_text(text, encoding="utf-8")
     return folder
+
+
+def test_curves_of_two_places_of_nshmp_haz_are_refused(tmp_path: Path) -> None:
+    nshmp(tmp_path, "0.11,0.021,0.0031,0.00041")
+    (tmp_path / "PGV").mkdir()
+    text = "name,lon,lat,1,10,50,100\nhere,-120.9,35.2,0.11,0.021,0.0031,0.00041\n"
+    path = tmp_path / "PGV" / "curves.csv"
+    path.write_text(text)
+    assert curve_folder.load(tmp_path).branches[0].pgv is not None
+    path.write_text(text.replace("here", "there"))
+    with pytest.raises(InputError, match="got there and elsewhere here; all curves are of one"):
+        curve_folder.load(tmp_path)
 
 
 @pytest.mark.parametrize(
