@@ -20,7 +20,7 @@ from pipeline.config.hazard_schema import (
     SampledAge,
     Years,
 )
-from pipeline.config.outside import Row, refused, rows, table, text
+from pipeline.config.outside import Row, refused, rows, short_text, table
 from pipeline.config.problems import InputError, Problem
 
 Dated = TypeVar("Dated", HazardRock, EarlierStage)
@@ -81,7 +81,7 @@ def with_samples(
 
 def samples(path: Path) -> tuple[float, ...]:
     """Equally likely ages [year] of a table."""
-    cells = table(path, text(path))
+    cells = table(path, short_text(path, MOST_SAMPLES))
     if not 1 <= len(cells) <= MOST_SAMPLES:
         rule = f"there are 1 to {MOST_SAMPLES:,} ages"
         raise refused(path, "", f"{len(cells)} rows", rule, "give one a row, or thin them out")

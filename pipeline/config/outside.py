@@ -43,7 +43,13 @@ from vsr_core.motions.hdf5_parts import kept_elsewhere
 from vsr_core.motions.named_columns import is_cut
 
 LARGEST = 64 * 1024**2
-"""Bytes of a file: of a table of a million rows."""
+"""Bytes of a file."""
+
+MOST_LINES, LONGEST_LINE = 500_000, 1_000_000
+"""Lines of a table, and characters of one, that take some hundreds of megabytes of memory."""
+
+_ROW, _MORE = 200, 100
+"""Bytes of a row of a table of few columns, in the mean, and its lines of names and comments."""
 
 LONGEST_FIELD = 100_000
 """Characters of a field of a table."""
@@ -187,6 +193,22 @@ def text(path: Path, largest: int = LARGEST) -> str:
     return found
 
 
+def short_text(path: Path, most: int) -> str:
+    """The same of a table of so many rows of few columns at most."""
+    found = text(path, _ROW * (most + _MORE))
+    _check_lines(path, found, most + _MORE)
+    return found
+
+
+def _check_lines(path: Path, text: str, most: int) -> None:
+    """Refuse a table of more lines, or of a longer one, before room is made for its fields."""
+    if (number := text.count("\n")) > most:
+        raise refused(path, "", f"{number:,} lines", f"at most {most:,}", "thin it out")
+    if (longest := max(map(len, text.split("\n")))) > LONGEST_LINE:
+        rule = f"at most {LONGEST_LINE:,}"
+        raise refused(path, "", f"a line of {longest:,} characters", rule, "leave columns out")
+
+
 def lines_of(text: str) -> list[str]:
     r"""Lines of a text as editors count them.
 
@@ -241,6 +263,7 @@ def table(path: Path, lines: str, named: Callable[[str], str] = str.strip) -> li
         of single quotes in two rows, a name given twice, or a last line that is cut.
     """
     csv.field_size_limit(LONGEST_FIELD)
+    _check_lines(path, lines, MOST_LINES)
     plain = "".join(line for line in io.StringIO(lines, newline="") if not is_comment(line))
     try:
         rows = [

@@ -277,6 +277,20 @@ def test_names_of_columns_are_read_at_once(much: str, separator: str) -> None:
     ]
 
 
+@pytest.mark.parametrize("lines", [("time," + 2_000_000 * "a,",), ("time,a", 2_000_000 * "1,")])
+def test_a_line_of_a_table_is_bounded(lines: tuple[str, ...]) -> None:
+    refusal = pytest.raises(InvalidInput, match=r"a line of 4,000,00\d characters; lines")
+    with bounded(seconds=1.0, mebibytes=50.0), refusal:
+        of_text("\n".join(lines))
+
+
+def test_the_units_of_cosmos_are_read_at_once() -> None:
+    text = record_files.cosmos((MOTION, 90), interval=0.01)
+    text = text.replace("units=cm/sec2 (04)", 200_000 * "units=")
+    with bounded(seconds=2.0, mebibytes=100.0):
+        assert formats.read(text.encode(), ".v2", formats.Reading()).interval == 0.01
+
+
 @pytest.mark.parametrize("name", ["one.at2", "one.v2", "one.ns"])
 def test_record_that_is_cut_is_refused_wherever_it_is(name: str) -> None:
     content, suffix = RECORDS[name](), Path(name).suffix

@@ -6,6 +6,7 @@ line that is lost or there twice, but where each line stands for itself.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -101,6 +102,28 @@ def test_a_command_refuses_a_damaged_table_in_a_line(
 @given(data=st.data())
 def test_hunt_of_damaged_tables(tmp_path: Path, name: str, data: Any) -> None:
     see(tmp_path, name, data)
+
+
+@pytest.mark.parametrize(
+    "name", ["ages", "faults", "ground motion", "rocks", "realizations", "nshmp", "disaggregation"]
+)
+@pytest.mark.parametrize("row", [b"1\n", b'"a,6\n', b","])
+def test_a_table_of_megabytes_is_refused_at_once(tmp_path: Path, name: str, row: bytes) -> None:
+    """Of many rows, of quotes that do not close, and of one long line."""
+    path, file, content, _ = whole(tmp_path, name)
+    file.write_bytes(content[: content.index(b"\n") + 1] + row * (40_000_000 // len(row)))
+    with bounded(seconds=3.0, mebibytes=200.0), pytest.raises(InputError):
+        READERS[name].read(path)
+
+
+@pytest.mark.parametrize("key", ["mag_bin_edges=[", "weights=[", "imt=", " ", "\n"])
+@pytest.mark.parametrize("name", ["disaggregation", "curve"])
+def test_a_first_line_is_read_at_once(tmp_path: Path, name: str, key: str) -> None:
+    """Each key that has no end is looked for from there on alone."""
+    path, file, content, _ = whole(tmp_path, name)
+    file.write_bytes(b"#" + key.encode() * (1_000_000 // len(key)) + b"\n" + content)
+    with bounded(seconds=2.0, mebibytes=200.0), suppress(InputError):
+        READERS[name].read(path)
 
 
 def test_a_column_of_a_specimen_beyond_counting_is_named(tmp_path: Path) -> None:

@@ -39,8 +39,8 @@ def _apart_by_blanks(line: str) -> list[str]:
     return found if "".join("".join(found).split()) == "".join(plain) else plain
 
 
-LONGEST_NAME = 500
-"""Characters of the name of a column."""
+LONGEST_LINE, LONGEST_NAME = 100_000, 500
+"""Characters of a line, and of the name of a column."""
 
 
 class Column(NamedTuple):
@@ -161,6 +161,9 @@ def of_text(text: str) -> list[Column]:
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if not lines:
         return []
+    if (longest := max(map(len, lines))) > LONGEST_LINE:
+        rule = f"lines are of {LONGEST_LINE:,} at most"
+        raise InvalidInput(f"a line of {longest:,} characters", rule, "leave columns out")
     separator = next((mark for mark in ",;\t" if mark in lines[0]), None)
     words = lines[0].split(separator) if separator else _apart_by_blanks(lines[0])
     names = [_name(word) for word in words]

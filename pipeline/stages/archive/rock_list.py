@@ -27,6 +27,9 @@ from vsr_core.motions.named_columns import is_cut
 LEVEL = 1.25
 """Factor between the heights of the centre of mass above both rocking points that is let pass."""
 
+_MOST = 20_000
+"""Rocks of an archive."""
+
 SLENDER = 5.0
 """Height of a rock by that of its centre of mass, at most."""
 
@@ -135,7 +138,7 @@ def read(path: Path) -> Archive:
     InputError
         For a file that is no table of rocks at all, is cut, or is without a row.
     """
-    text = outside.text(path)
+    text = outside.short_text(path, _MOST)
     found = _rows(text)
     rows = iter(found)
     _, names = next(rows, (0, []))

@@ -35,8 +35,8 @@ WHOLE = 1.25
 """Factor within which the bins of a level together have its probability. They differ by some per
 cent, as OpenQuake finds the level between those of a curve; by more beyond the curve's ends."""
 
-_EDGES = re.compile(r"(mag|dist)_bin_edges=\[([^\]]*)\]")
-_WEIGHTS = re.compile(r"\bweights=\[([^\]]*)\]")
+_EDGES = re.compile(r"(mag|dist)_bin_edges=\[([^\[\]]*)\]")
+_WEIGHTS = re.compile(r"\bweights=\[([^\[\]]*)\]")
 _STATISTIC = re.compile(r"mean|rlz-?\d+|poe-?\d+|max|std|quantile-?[\d.]+")
 _COLUMNS = ("imt", "iml", "mag", "dist")
 _NO_POE = "poe", "nan"

@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 
 from pipeline.config.hazard_schema import Age
 from pipeline.config.layers import Origin
-from pipeline.config.outside import Row, refused, rows, table, text
+from pipeline.config.outside import Row, refused, rows, short_text, table
 from pipeline.config.paths import located
 from pipeline.config.problems import InputError, Problem
 from pipeline.config.sections import LARGEST_RATIO, LEAST_RATIO, Key, Refused
@@ -127,7 +127,7 @@ def find(
 
 
 def _faults(path: Path) -> tuple[Fault, ...]:
-    cells = table(path, text(path))
+    cells = table(path, short_text(path, _MOST))
     if not 1 <= len(cells) <= _MOST:
         rule = f"there are 1 to {_MOST:,} faults"
         raise refused(path, "", f"{len(cells)} rows", rule, "give one a row")
@@ -135,7 +135,7 @@ def _faults(path: Path) -> tuple[Fault, ...]:
 
 
 def _model(path: Path) -> GroundMotionTable:
-    cells = table(path, text(path))
+    cells = table(path, short_text(path, _MOST))
     if len(cells) > _MOST:
         raise refused(path, "", f"{len(cells)} rows", f"at most {_MOST:,}", "thin it out")
     found = rows(path, Expected, cells, once=("magnitude", "distance_km"), only=True)

@@ -247,7 +247,7 @@ def _mean(file: Any, shape: tuple[int, ...]) -> Array | None:
     return np.array(values[0, names.index("mean")]) if "mean" in names else None
 
 
-_COMMENT = re.compile(r"^[\s\"]*#.*", re.MULTILINE)
+_COMMENT = re.compile(r"^[ \t\"]*#.*", re.MULTILINE)
 _KEY = re.compile(
     r"\b(investigation_time|ses_per_logic_tree_path|imt|kind|checksum|lon|lat|weights|\w+_bin_edges)"
     r"\s*="

@@ -164,7 +164,9 @@ _SCNL = re.compile(r"\|\s*<SCNL>\w+\.(\w+)\.")
 DIGITS = 9
 """Digits read of a number in a header: more than any file has lines."""
 
-_UNIT_ABOVE = re.compile(r"units\s*=\s*([^(,]*[^(,\s])?\s*(?:\(\s*(\d{1,9})\s*\))?", re.IGNORECASE)
+_UNIT_ABOVE = re.compile(
+    r"units\s*=\s*([^(,=]*[^(,=\s])?\s*(?:\(\s*(\d{1,9})\s*\))?", re.IGNORECASE
+)
 """The unit in words, and its number, in the heading of the samples."""
 
 _NO_ACCELERATION = re.compile(r"[cm]?m(/s(ec)?)?", re.IGNORECASE)
