@@ -51,7 +51,7 @@ def header(path: Path) -> tuple[str, list[str], int]:
     number = next((n for n, line in enumerate(lines) if line.lstrip('"')[:1] != "#"), len(lines))
     if number == len(lines):
         raise refused(path, "", "no line of names", "names of columns stand before the rows")
-    names = [name.strip().split(":")[0] for name in lines[number].split(",")]
+    names = [name.strip(' "').split(":")[0] for name in lines[number].split(",")]
     if twice := [name for name in names if names.count(name) > 1]:
         raise refused(path, twice[0], "a column twice", "a column has a name of its own")
     return "\n".join(lines[:number]), names, number + 1

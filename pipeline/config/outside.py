@@ -237,13 +237,18 @@ def is_comment(line: str) -> bool:
         return True
 
 
+def _is_row(line: str, names: Sequence[str]) -> bool:
+    """Whether what is behind the # may be a row: of one column, a number."""
+    return len(names) > 1 or line.strip(' "#\r\n').replace(".", "", 1).isdecimal()
+
+
 _HIDDEN = re.compile(r'[\s"]*#[^\s,]').match
 
 
 def check_comments(path: Path, lines: str, names: Sequence[str]) -> None:
     """Refuse a comment that looks like a row: one whose name begins with #."""
     for line in filter(_HIDDEN, lines_of(lines)):
-        if is_comment(line) and line.count(",") == len(names) - 1 > 0:  # one number has no name
+        if is_comment(line) and line.count(",") == len(names) - 1 and _is_row(line, names):
             given = f"{line[:40]!r}, a row or a comment"
             remedy = "put a name that begins with # in quotes, or a blank behind the # of a comment"
             raise refused(path, names[0], given, "it is one of them", remedy)

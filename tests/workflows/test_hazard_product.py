@@ -749,6 +749,7 @@ def test_a_rock_that_came_out_of_the_ground(
             (),
             ("ages.csv", "age_a", "14000, the sum of the others"),
         ),
+        ("age_a\n3000\n#2900\n3100\n", (), ("ages.csv", "age_a", "'#2900', a row or a comment")),
         ("age_a\n3000\n#VALUE!\n2900\n", (), ("ages.csv", "age_a", "'#VALUE!' in row 2")),
         ("age_a\n3000\n33002900\n", (), ("ages.csv", "age_a", "got 3.30029e+07", "in one line")),
         ("age_a\n900\n800\n", (), ("hazard.history", "in their order in 0 of 2 draws")),
@@ -845,12 +846,29 @@ def test_a_rock_or_a_comparison_counts_once(
 def test_a_copy_of_a_file_is_no_rock_of_its_own(
     refused: Callable[..., str], write_site: Callable[..., str]
 ) -> None:
+    """Nor is one with a remark, in another folder."""
     path = Path(write_site(BOX + GRID + HAZARD))
-    copy = shutil.copy(path, path.with_name("copy.yaml"))
+    copy = path.parent / "elsewhere" / "copy.yaml"
+    copy.parent.mkdir()
+    copy.write_text(f"# The other rock\n{path.read_text(encoding='utf-8')}", encoding="utf-8")
     rocks = f"hazard.rocks=[{{site: {copy}, age: {{kind: normal, mean: 500}}}}]"
     refused(
         *("run", "hazard", "--site", path, "--set", rocks), words=("hazard.rocks", "a copy of rock")
     )
+
+
+def test_rocks_that_differ_in_nothing_that_counts_are_told(
+    vsr: Callable[..., Ran], write_site: Callable[..., str]
+) -> None:
+    other = write_site(BOX + GRID, name="other")
+    path = write_site(BOX + GRID + HAZARD)
+    rocks = f"hazard.rocks=[{{site: {other}, age: {{kind: normal, mean: 500}}}}]"
+    said = "hazard.rocks: other is as rock in shape, settings and runs"
+    ran = vsr("plan", "hazard", "--site", path, "--set", rocks)
+    assert (ran.code, ran.err.count(said)) == (cli.DONE, 1), ran.err
+    other = write_site(BOX + GRID + "contact: {friction: 0.3}\n", name="other")
+    ran = vsr("plan", "hazard", "--site", path, "--set", rocks)
+    assert (ran.code, ran.err.count(said)) == (cli.DONE, 0), ran.err
 
 
 def test_a_setting_that_a_comparison_cannot_have_is_refused_by_its_name(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +14,12 @@ import numpy as np
 from pipeline.config.hazard_schema import Age, Comparison, HazardConfig, HazardRock, History
 from pipeline.config.layers import Origin, Site, load_site, one_by_one
 from pipeline.config.observation_schema import Observations
+from pipeline.config.outside import text
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem, edited_since
 from pipeline.config.set_once import check_set_once
 from pipeline.config.slips import warnings
+from pipeline.config.yaml_text import parse
 from pipeline.stages.archive import shipped_equations
 from pipeline.stages.archive.archived_rock import answered
 from pipeline.stages.fragility.summary import Fits
@@ -124,7 +126,7 @@ class Others(Input):
 
     Attributes
     ----------
-    told : str, what of the command is left out of a comparison
+    told : str, which rocks are alike, and what of the command is left out of a comparison
     """
 
     rocks: tuple[Other | Archived, ...]
@@ -192,25 +194,35 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
                 rule = "each rock is counted once, and has a name of its own"
                 raise InputError(Problem(file, key, given, rule, "leave it out, or rename"))
             named.append(other.name)
-    _check_copies([origin, *(one.site for one in rocks if isinstance(one, Other))], origin)
+    alike: tuple[str, ...] = ()
+    if made := [one for one in rocks if isinstance(one, Other)]:
+        site = load_site(file, study, settings)
+        own = Other(site.name, site, ".", drawn and site.config.uncertain)
+        alike = tuple(_copies(origin, own, *made))
     names = [BASE_CASE, *(one.name for one in hazard.compare)]
     folders = [folder_of(" ".join(name.split())).lower() for name in names]
     if len(set(folders)) < len(folders):
         twice = next(name for n, name in enumerate(names) if folders.count(folders[n]) > 1)
         file, rule = origin.file_of("hazard.compare"), "a comparison has a name of its own"
         raise InputError(Problem(file, "hazard.compare", f"{twice!r} twice", rule, "rename one"))
-    return Others(rocks, *_compared(hazard, origin), earlier)
+    compared, told = _compared(hazard, origin)
+    return Others(rocks, compared, (*alike, *told), earlier)
 
 
-def _check_copies(rocks: Sequence[Origin], origin: Origin) -> None:
-    """Refuse a rock whose file is a copy of one beside it: all that it names is the same, too."""
-    held: dict[tuple[Path, str], str] = {}
-    for one in rocks:
-        other = held.setdefault((one.folder, keys.digest_file(one.path)), one.name)
-        if other != one.name:
-            file, given = origin.file_of("hazard.rocks"), f"{one.name}, a copy of {other}"
+def _copies(origin: Origin, *rocks: Other) -> Iterator[str]:
+    """Rocks that are alike in all that their fragilities are made of, in words.
+
+    Refuses one whose file states what another one's does, and names the same files.
+    """
+    for other, one in combinations(rocks, 2):
+        alike, sites = one.key == other.key, (one.site, other.site)
+        stated, stated_by_other = (parse(text(site.path)) for site in sites)
+        if stated == stated_by_other and (alike or one.site.folder == other.site.folder):
+            file, given = origin.file_of("hazard.rocks"), f"{one.name}, a copy of {other.name}"
             rule, remedy = "each rock is counted once", "leave it out"
             raise InputError(Problem(file, "hazard.rocks", given, rule, remedy))
+        if alike:
+            yield f"hazard.rocks: {one.name} is as {other.name} in shape, settings and runs"
 
 
 def _compared(hazard: HazardConfig, origin: Origin) -> tuple[tuple[Other, ...], tuple[str, ...]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import netCDF4
 import numpy as np
@@ -214,10 +215,14 @@ def recorded(folder: Path) -> tuple[set[int], float]:
     return known, interval
 
 
-def _check_rate(path: Path, rate: object, interval: float) -> None:
+def _check_rate(path: Path, rate: Any, interval: float) -> None:
     """Refuse times that contradict the sampling rate of the file, where it states one."""
-    if isinstance(rate, int | float | np.number) and not abs(interval * rate - 1.0) <= _RATE:
-        given = f"a step of {interval:g} s beside a sampling_rate_hz of {rate:g}"
+    try:
+        agrees = rate is None or abs(interval * float(rate) - 1.0) <= _RATE
+    except (TypeError, ValueError):
+        agrees = False
+    if not agrees:
+        given = f"a step of {interval:g} s beside a sampling_rate_hz of {rate}"
         raise refused(path, "time", given, "they agree", "correct one of them")
 
 

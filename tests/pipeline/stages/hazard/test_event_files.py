@@ -476,6 +476,17 @@ def test_a_calculation_has_the_events_that_its_ruptures_say(tmp_path: Path) -> N
         event_files.load(path, None)
 
 
+def test_names_in_quotes_are_read(tmp_path: Path) -> None:
+    """As R writes them."""
+    plain = by_number(event_files.load(written(tmp_path), None).events)
+    for name, text in FILES.items():
+        lines = text.split("\n")
+        at = 0 if name.startswith(("real", "site")) else 1
+        lines[at] = ",".join(f'"{one}"' for one in lines[at].split(","))
+        (tmp_path / name).write_text("\n".join(lines), encoding="utf-8")
+    assert by_number(event_files.load(tmp_path, None).events) == plain
+
+
 def test_shaking_of_a_calculation_is_at_one_site(tmp_path: Path) -> None:
     path = EventSet(400.0, ruptures=40).write_calculation(tmp_path / "calc_7.hdf5")
     with h5py.File(path, "r+") as file:

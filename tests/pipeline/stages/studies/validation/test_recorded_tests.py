@@ -47,7 +47,7 @@ def counted(values: list[float], dimension: str = "test") -> Change:
     return lambda data: data.assign(n_samples=(dimension, values))
 
 
-def at_rate(hertz: float) -> Change:
+def at_rate(hertz: float | str | list[float]) -> Change:
     return lambda data: data.assign_attrs(sampling_rate_hz=hertz)
 
 
@@ -146,6 +146,8 @@ def test_records_that_were_replaced_are_read_again(tmp_path: Path) -> None:
         (at_times(lambda t: t % 1.0), "time: got times that do not ascend"),
         (counted([399.7, 2.2]), "n_samples: .*whole number for each test"),
         (counted([200, 200], "other"), "n_samples: .*whole number for each test"),
+        (at_rate("fast"), "beside a sampling_rate_hz of fast; they agree"),
+        (at_rate([200.0, 100.0]), "beside a sampling_rate_hz of "),
         (at_rate(100.0), "time: got a step of 0.005 s beside a sampling_rate_hz of 100"),
         (one_test(0.06), r"peaks of 0\.089\d+ times pga_g \(test 1\)"),
         (filled(0.0), "acceleration: got 20 samples in a row of 0 .test 1. from 0.95 s on"),
