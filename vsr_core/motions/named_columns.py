@@ -97,7 +97,7 @@ def refuse_cut_lines(lines: Sequence[str]) -> None:
     ------
     InvalidInput
     """
-    ends = [tuple(word.end() for word in _WORD.finditer(line)) for line in lines]
+    ends = [tuple(word.end() for word in _WORD.finditer(line)) for line in lines] or [()]
     usual, number = Counter(ends).most_common(1)[0]
     if 2 * number < len(lines):
         return

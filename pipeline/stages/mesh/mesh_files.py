@@ -105,7 +105,9 @@ def _require_counts_of_dae(file: BinaryIO) -> None:
         held = len(((part.text if part is not None else "") or "").split())
         each = 1
         if name == "triangles":
-            each = 3 + 3 * max(int(of.get("offset", 0)) for of in one.iterfind("{*}input"))
+            each = 3 + 3 * max(
+                (int(of.get("offset", 0)) for of in one.iterfind("{*}input")), default=0
+            )
         told = int(one.get("count", -1))
         if held != each * told:
             raise _other_count(f"{held} numbers of {name} where it says {each * told}")

@@ -547,6 +547,17 @@ def test_a_line_cut_inside_its_last_number_is_refused(kind: str, line: int) -> N
     np.testing.assert_array_equal(read(free.encode(), kind, how).acceleration, whole)
 
 
+def test_at2_in_one_line_and_of_old_line_ends_is_read() -> None:
+    text = files.at2(VALUES, STEP)
+    *header, samples = text.split("\n", 4)
+    in_one = "\n".join([*header, " ".join(samples.split())])
+    for other in (in_one, f"{in_one}\n", text.replace("\n", "\r"), text.replace("\n", "\r\n")):
+        np.testing.assert_array_equal(
+            read(other.encode(), ".AT2", PLAIN).acceleration,
+            read(text.encode(), ".AT2", PLAIN).acceleration,
+        )
+
+
 def knet_text() -> str:
     return files.knet(VALUES, STEP)
 

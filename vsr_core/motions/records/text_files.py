@@ -120,7 +120,7 @@ def read_at2(text: str, unit: str | None) -> Record:
     if len(values) != number:
         raise _other_count(count, number)
     refuse_lost_exponents(words, values)
-    refuse_cut_lines(text[start:].split("\n")[:-1])
+    refuse_cut_lines(text[start:].splitlines())
     event = [part.strip() for part in lines[1].split(",")]
     station = event[-2] if len(event) > 2 else ""
     channel = event[-1] if len(event) > 1 else "1"
