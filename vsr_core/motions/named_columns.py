@@ -89,22 +89,20 @@ def _form(word: str) -> str:
 
 
 def refuse_cut_lines(lines: Sequence[str]) -> None:
-    """Refuse a line whose last number ends before those of the others, if they stand in columns.
-
-    The last line may be shorter by whole numbers, and is off its columns wherever it ends.
+    """Refuse a line that lost characters, where numbers end in columns wherever they begin.
 
     Raises
     ------
     InvalidInput
     """
-    ends = [tuple(word.end() for word in _WORD.finditer(line)) for line in lines] or [()]
-    usual, number = Counter(ends).most_common(1)[0]
-    if 2 * number < len(lines):
-        return
-    cut = [its[:-1] == usual[: len(its) - 1] and its < usual[: len(its)] for its in ends]
-    cut[-1] = ends[-1] != usual[: len(ends[-1])]
-    if any(cut):
-        given = f"a line that ends in {lines[cut.index(True)].rstrip()[-9:]!r}, out of column"
+    spans = [[word.span() for word in _WORD.finditer(line)] for line in lines]
+    ends = [tuple(end for _, end in of) for of in spans]
+    usual, number = Counter(ends).most_common(1)[0] if ends else ((), 0)
+    begins = {tuple(begin for begin, _ in of) for of in spans if len(of) == len(usual)}
+    if 2 * number < len(lines) or len(begins) < 2:
+        return  # parted by blanks, not in columns
+    if off := [line for line, its in zip(lines, ends, strict=True) if its != usual[: len(its)]]:
+        given = f"a line {off[0].strip()[-40:]!r}, out of column"
         raise InvalidInput(given, "it is whole", "download it again")
 
 

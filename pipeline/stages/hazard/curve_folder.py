@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -121,9 +120,13 @@ def _nshmp_curve(path: Path, measure: str) -> GivenCurve:
         raise refused(path, "lon, lat", f"{len(sites)} sites", rule, remedy)
     cells = sites[0]
     levels = [name for name in cells if name not in ("name", "lon", "lat")]
-    place: dict[str, Any] = {name: cells[name] for name in ("lon", "lat") if name in cells}
-    place["place"] = (cells.get("name", ""),)
-    given = {"measure": measure, "levels": levels, "values": [cells[name] for name in levels]}
+    place = {name: cells[name] for name in ("lon", "lat") if name in cells}
+    given = {
+        "place": cells.get("name", ""),
+        "measure": measure,
+        "levels": levels,
+        "values": [cells[name] for name in levels],
+    }
     curve = checked(path, GivenCurve, place | given, text=True)
     check_digits(path, [cells[name] for name in levels])
     return curve

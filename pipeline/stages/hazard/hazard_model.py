@@ -108,7 +108,8 @@ class GivenCurve(Row):
     years: float | None = Field(None, ge=1e-3, le=1e6, description="years of the probabilities")
     lon: float = Field(ge=-180, le=360, description="longitude of the site [degree]")
     lat: float = Field(ge=-90, le=90, description="latitude of the site [degree]")
-    place: Annotated[tuple[str, ...], Lax] = Field((), description="what else tells the site")
+    depth: float = Field(0.0, ge=-100, le=1000, description="depth of the site [km]")
+    place: str = Field("", description="number or name of the site")
     levels: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Lax] = Field(
         min_length=2, max_length=10_000, description="two or more levels of the measure"
     )
@@ -271,11 +272,13 @@ def _alike(curves: list[tuple[Path, GivenCurve]]) -> None:
     of_measure = {one.measure: (path, one.levels) for path, one in reversed(curves)}
     for path, one in curves[1:]:
         other, levels = of_measure[one.measure]
-        if max(abs(one.lon - first.lon), abs(one.lat - first.lat)) > NEAR:
+        east = (one.lon - first.lon + 180.0) % 360.0 - 180.0
+        if max(abs(east), abs(one.lat - first.lat)) > NEAR:
             given = f"{one.lon:g}, {one.lat:g}, and elsewhere {first.lon:g}, {first.lat:g}"
             raise refused(path, "lon, lat", given, "all curves are of one site", remedy)
-        if one.place != first.place:
-            given = " and elsewhere ".join(", ".join(of.place) or "nothing" for of in (one, first))
+        if (one.depth, one.place) != (first.depth, first.place):
+            sites = (f"{of.place or 'a site'}, {of.depth:g} km deep" for of in (one, first))
+            given = ", and elsewhere ".join(sites)
             raise refused(path, "lon, lat", given, "all curves are of one site", remedy)
         if one.years != first.years:
             given = f"{one.years:g} years, and elsewhere {first.years:g}"

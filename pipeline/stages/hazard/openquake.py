@@ -310,8 +310,8 @@ def _curve(path: Path, kind: str, measure: str) -> GivenCurve:
         {
             "measure": measure,
             "years": years[1],
-            **{name: cells[name] for name in ("lon", "lat") if name in cells},
-            "place": tuple(f"{name} {cells[name]}" for name in _PLACES[2:] if name in cells),
+            **{name: cells[name] for name in _PLACES[:3] if name in cells},
+            "place": " ".join(cells[name] for name in _PLACES[3:] if name in cells),
             "levels": [found[2] for found in levels.values()],
             "values": [cells[name] for name in levels],
         },

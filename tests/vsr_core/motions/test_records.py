@@ -532,16 +532,18 @@ def test_knet_whose_scale_contradicts_its_peak(change: tuple[str, str]) -> None:
 
 @pytest.mark.parametrize("line", [0, 20, -2, -1])
 @pytest.mark.parametrize("kind", [".NS", ".AT2", ".sac"])
-def test_a_line_cut_inside_its_last_number_is_refused(kind: str, line: int) -> None:
+@pytest.mark.parametrize("lost", [-1, 20])
+def test_a_line_that_lost_a_character_is_refused(kind: str, line: int, lost: int) -> None:
     pytest.importorskip("obspy")
     text = {".NS": knet_text, ".AT2": at2_text, ".sac": sac_text}[kind]()
     header = {".NS": 17, ".AT2": 4, ".sac": 30}[kind]
     how = Reading(unit="m/s2" if kind == ".sac" else None)
     lines = text.splitlines()
     samples = [one.rstrip() for one in lines[header:]]
-    samples[line] = samples[line][:-1]
+    whole = samples[line]
+    samples[line] = whole[:lost] + whole[lost:][1:]
     cut = "\n".join([*lines[:header], *samples, ""])
-    refusal(lambda: read(cut.encode(), kind, how), "a line that ends in", "out of column")
+    refusal(lambda: read(cut.encode(), kind, how), "a line '", "out of column")
     free = "\n".join([*lines[:header], *(" ".join(one.split()) for one in lines[header:]), ""])
     whole = read(text.encode(), kind, how).acceleration
     np.testing.assert_array_equal(read(free.encode(), kind, how).acceleration, whole)

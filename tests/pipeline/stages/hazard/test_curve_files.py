@@ -143,7 +143,12 @@ def test_a_mean_curve_that_is_none_of_the_realizations_is_told(
             "# checksum=1, checksum=2\nrlz_id",
             "checksum: got it twice",
         ),
-        (FIRST, "-120.9,35.2,0.0,", "-120.9,35.2,10.0,", "got depth 0.0 and elsewhere depth 10.0"),
+        (
+            FIRST,
+            "-120.9,35.2,0.0,",
+            "-120.9,35.2,10.0,",
+            "got a site, 0 km deep, and elsewhere a site, 10 km deep",
+        ),
         (FIRST, "investigation_time=50.0", "investigation_time=1e-300", "years: got '1e-300'"),
         (FIRST, "investigation_time=50.0", "investigation_time=5.0", "50 years, and elsewhere 5"),
         (FIRST, "poe-0.1000000", "poe-nan", "levels.1: got 'nan'"),
@@ -438,6 +443,13 @@ def nshmp(folder: Path, rates: str, levels: str = "0.01,0.1,0.5,1.0") -> Path:
     return folder
 
 
+@pytest.mark.parametrize("as_saved", ["-120.90,35.20,0,", "239.1,35.2,0.00000,"])
+def test_a_place_is_one_however_it_is_written(tmp_path: Path, as_saved: str) -> None:
+    path = written(tmp_path) / FIRST
+    path.write_text(path.read_text().replace("-120.9,35.2,0.0,", as_saved))
+    assert len(curve_folder.load(tmp_path).branches) == 2
+
+
 def test_curves_of_two_places_of_nshmp_haz_are_refused(tmp_path: Path) -> None:
     nshmp(tmp_path, "0.11,0.021,0.0031,0.00041")
     (tmp_path / "PGV").mkdir()
@@ -446,7 +458,9 @@ def test_curves_of_two_places_of_nshmp_haz_are_refused(tmp_path: Path) -> None:
     path.write_text(text)
     assert curve_folder.load(tmp_path).branches[0].pgv is not None
     path.write_text(text.replace("here", "there"))
-    with pytest.raises(InputError, match="got there and elsewhere here; all curves are of one"):
+    with pytest.raises(
+        InputError, match="got there, 0 km deep, and elsewhere here, 0 km deep; all"
+    ):
         curve_folder.load(tmp_path)
 
 
