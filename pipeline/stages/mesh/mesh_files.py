@@ -7,8 +7,9 @@ import json
 import re
 from functools import partial
 from itertools import takewhile
+from os import SEEK_CUR
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 from xml.etree import ElementTree
 
 import numpy as np
@@ -79,9 +80,40 @@ def _require_plain_gltf(file: BinaryIO) -> None:
         needed.append("morph targets")
     if any("skin" in node for node in nodes):
         needed.append("a skin")
+    if any("matrix" in node and node.keys() & _MOVES for node in nodes):
+        needed.append("a matrix and another move of one node")
     if needed:
         given = f"a glTF file that needs {listed(needed)}"
         raise InvalidInput(given, "its coordinates are plain", "export it without, or as .ply")
+    file.seek(8, SEEK_CUR)
+    _require_bounds(scene, file.read())
+
+
+def _require_bounds(scene: dict[str, Any], data: bytes) -> None:
+    """Refuse coordinates that are not within the bounds that a glTF file has for them, and at them.
+
+    They are so by "glTF 2.0 Specification" (Khronos Group, 2021), 3.6.2.5.
+    """
+    parts = [part["attributes"] for mesh in scene.get("meshes", ()) for part in mesh["primitives"]]
+    for at in {part["POSITION"] for part in parts if "POSITION" in part}:
+        accessor = scene["accessors"][at]
+        if accessor["componentType"] != _SINGLE or not {"min", "max", "bufferView"} <= {*accessor}:
+            continue
+        view = scene["bufferViews"][accessor["bufferView"]]
+        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        shape, strides = (accessor["count"], 3), (view.get("byteStride", 12), 4)
+        points = np.ndarray(shape, np.dtype("<f4"), data, start, strides)
+        held = np.array([points.min(axis=0), points.max(axis=0)])
+        told = np.array([accessor["min"], accessor["max"]])
+        if np.abs(held - told).max() > COARSEST * np.ptp(held, axis=0).max():
+            given = f"coordinates from {held[0]} to {held[1]} that say {told[0]} to {told[1]}"
+            raise InvalidInput(given, "bounds are those of the coordinates", "export it again")
+
+
+_MOVES = {"translation", "rotation", "scale"}
+
+_SINGLE = 5126
+"""Numbers in single precision, of glTF."""
 
 
 def _require_lines_of_ply(file: BinaryIO) -> None:

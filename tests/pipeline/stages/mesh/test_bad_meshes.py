@@ -250,6 +250,7 @@ def test_morph_targets_without_weight_are_read(tmp_path: Path) -> None:
         ({"meshes": [{"weights": [0.0, 1.0]}]}, "morph targets"),
         ({"nodes": [{"mesh": 0, "weights": [0.5]}]}, "morph targets"),
         ({"nodes": [{"mesh": 0, "skin": 0}]}, "a skin"),
+        ({"nodes": [{"mesh": 0, "matrix": [1], "scale": [2]}]}, "a matrix and another move"),
     ],
 )
 def test_coordinates_that_trimesh_passes_over(
@@ -258,6 +259,21 @@ def test_coordinates_that_trimesh_passes_over(
     glb(tmp_path / "rock.glb", lambda scene: scene | more)
     where = site(tmp_path, "rock.glb")
     refused("run", "rock", "--site", where, words=("rock.mesh", "rock.glb", told, "plain"))
+
+
+@pytest.mark.parametrize("far", [0.2, -0.2])
+def test_coordinates_beyond_or_within_the_bounds_of_their_file_are_refused(
+    tmp_path: Path, far: float
+) -> None:
+    def changed(scene: dict[str, Any]) -> dict[str, Any]:
+        (part,) = scene["meshes"][0]["primitives"]
+        bounds = scene["accessors"][part["attributes"]["POSITION"]]
+        bounds["max"][2] += far
+        return scene
+
+    glb(tmp_path / "rock.glb", changed)
+    with pytest.raises(InvalidInput, match="bounds are those of the coordinates"):
+        mesh_files.read(tmp_path / "rock.glb")
 
 
 def test_missing_file(tmp_path: Path, refused: Refused) -> None:
