@@ -98,7 +98,9 @@ def refuse_cut_lines(lines: Sequence[str]) -> None:
     spans = [[word.span() for word in _WORD.finditer(line)] for line in lines]
     ends = [tuple(end for _, end in of) for of in spans]
     usual, number = Counter(ends).most_common(1)[0] if ends else ((), 0)
-    begins = {tuple(begin for begin, _ in of) for of in spans if len(of) == len(usual)}
+    begins = {
+        tuple(begin for begin, _ in of) for of, its in zip(spans, ends, strict=True) if its == usual
+    }
     if 2 * number < len(lines) or len(begins) < 2:
         return  # parted by blanks, not in columns
     if off := [line for line, its in zip(lines, ends, strict=True) if its != usual[: len(its)]]:

@@ -549,6 +549,21 @@ def test_a_line_that_lost_a_character_is_refused(kind: str, line: int, lost: int
     np.testing.assert_array_equal(read(free.encode(), kind, how).acceleration, whole)
 
 
+@pytest.mark.parametrize("each", [1, 2, 8])
+def test_numbers_parted_by_blanks_stand_in_no_columns(each: int) -> None:
+    """Negative ones are a character longer: half of them, none, or few after others alike."""
+    head = files.at2(VALUES, STEP).splitlines()[:4]
+    for values in (
+        VALUES,
+        VALUES - 0.9 * VALUES.min(),
+        np.where(np.arange(400) < 280, 0.1, VALUES),
+    ):
+        words = [f"{one:.7E}" for one in values]
+        lines = [" ".join(words[at : at + each]) for at in range(0, len(words), each)]
+        found = read("\n".join([*head, *lines, ""]).encode(), ".at2", PLAIN)
+        np.testing.assert_allclose(found.acceleration, values * GRAVITY, atol=1e-6)
+
+
 def test_at2_in_one_line_and_of_old_line_ends_is_read() -> None:
     text = files.at2(VALUES, STEP)
     *header, samples = text.split("\n", 4)
