@@ -611,6 +611,19 @@ def test_another_age_or_other_curves_run_nothing(
     assert "runs done" not in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("listed", "told"), [("", 0), ("400", 0), ("410", 0), ("4000", 1)])
+def test_another_age_in_the_archive_is_told(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], listed: str, told: int
+) -> None:
+    rock = "{site: Ridge 7, archive: rocks.csv, age: {kind: bounds, low: 300, high: 500}}"
+    site = write_site(BOX + GRID + HAZARD.split(", compare")[0] + f", rocks: [{rock}]}}\n")
+    text = f"name,alpha_1_deg,alpha_2_deg,r_1_m,r_2_m,age_mean_a\nRidge 7,10,12,0.5,0.5,{listed}\n"
+    Path(site).with_name("rocks.csv").write_text(text, encoding="utf-8")
+    ran = vsr("plan", "hazard", "--site", site)
+    said = "hazard.rocks: Ridge 7 is 400 years old, and 4,000 in its archive"
+    assert (ran.code, ran.err.count(said)) == (cli.DONE, told), ran.err
+
+
 @pytest.mark.slow
 def test_a_rock_of_an_archive_stands_beside_that_of_the_site(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path

@@ -39,6 +39,7 @@ class Answered:
     none : ndarray, shape (2, rows), share without a boundary where one is known
     static : float [g]
     sliding : float, share of the frictions assumed with which it slides and stands
+    age : float or None, mean age that the archive has [year]
     """
 
     directions: Array
@@ -47,6 +48,7 @@ class Answered:
     none: Array
     static: float
     sliding: float
+    age: float | None
 
     @property
     def farthest(self) -> float:
@@ -99,4 +101,5 @@ def answered(path: Path, name: str) -> Answered:
         np.nan_to_num(found.none[0]),
         static,
         float(found.sliding[0]),
+        one.rocks[0].age_mean_a,
     )

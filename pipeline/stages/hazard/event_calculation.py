@@ -48,6 +48,7 @@ def tables(path: Path) -> EventTables:
             calculation_file.number_of(settings[name])
             for name in ("investigation_time", "ses_per_logic_tree_path")
         ]
+        unused = tuple(_other_number(file))
     calculation_file.check_sites(path, lon.size, lat.size)
     return EventTables(
         dict.fromkeys(_KEYS, path),
@@ -58,7 +59,16 @@ def tables(path: Path) -> EventTables:
         ],
         checked(path, Place, {"lon": lon.item(), "lat": lat.item()}),
         partial(_parts, path),
+        unused,
     )
+
+
+def _other_number(file: Any) -> Iterator[str]:
+    """Whether there are as many events as the shaking was computed for, in words."""
+    shaking, number = file["gmf_data"], len(file["events"])
+    told = attribute(shaking, "num_events") if "num_events" in shaking.attrs else number
+    if told != number:
+        yield f"gmf_data is of {told} events, and the file has {number}: some may be lost"
 
 
 def _parts(path: Path, name: str, row: type[Row]) -> Iterator[dict[str, Any]]:

@@ -24,7 +24,7 @@ from pipeline.stages.archive import shipped_equations
 from pipeline.stages.archive.archived_rock import answered
 from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.hazard.ground_shaking import check_peaks
-from pipeline.stages.hazard.rock_ages import back_to, check_earthquakes, check_stages
+from pipeline.stages.hazard.rock_ages import back_to, check_earthquakes, check_stages, other_age
 from pipeline.stages.hazard.rock_fragility import (
     DRAWN,
     RockFragility,
@@ -104,6 +104,7 @@ class Archived:
     Attributes
     ----------
     before : str, digest of the archive when it was found
+    age : float or None, mean age that the archive has [year]
     """
 
     name: str
@@ -112,6 +113,7 @@ class Archived:
     observed: Observations = ()
     history: History = ()
     earlier: tuple[Other, ...] = ()
+    age: float | None = None
 
     def fragility(self, own: Path) -> RockFragility:
         """What the equations say; nothing is beside the site's ``own`` products."""
@@ -206,7 +208,13 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
         file, rule = origin.file_of("hazard.compare"), "a comparison has a name of its own"
         raise InputError(Problem(file, "hazard.compare", f"{twice!r} twice", rule, "rename one"))
     compared, told = _compared(hazard, origin)
-    return Others(rocks, compared, (*alike, *told), earlier)
+    ages = [
+        line
+        for given, one in zip(hazard.rocks, rocks, strict=True)
+        if isinstance(one, Archived)
+        for line in other_age(one.name, given.age, one.age)
+    ]
+    return Others(rocks, compared, (*alike, *ages, *told), earlier)
 
 
 def _copies(origin: Origin, *rocks: Other) -> Iterator[str]:
@@ -325,8 +333,8 @@ def _other(rock: HazardRock, origin: Origin, drawn: bool) -> Other | Archived:
     key, name = "hazard.rocks", rock.site
     if rock.archive is not None:
         path = located(origin.folder_of(key), rock.archive, origin.file_of(key), key)
-        answered(path, name)
-        return Archived(name, path, keys.digest_file(path))
+        age = answered(path, name).age
+        return Archived(name, path, keys.digest_file(path), age=age)
     found = _of_site(name, origin, key, drawn)
     check_stages(found.site, rock.age)
     return replace(found, earlier=_stages(found.history, rock.age, found.site.origin, drawn))

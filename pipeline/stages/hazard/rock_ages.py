@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from vsr_core.hazard.survival import (
 
 PRESENT = 1950
 """Year that ages are counted to, as dating does [CE]."""
+
+_OTHER = 0.05
+"""Share by which two means of an age may differ, as by rounding or the kind of distribution."""
 
 LEAST_IN_ORDER = 0.1
 """Share of draws in which stages follow each other, below which they contradict each other."""
@@ -88,6 +92,13 @@ def ages_of(age: Age) -> Array:
     if isinstance(age, BoundedAge):
         return uniform_ages(age.low, age.high)
     return np.array(age.values)
+
+
+def other_age(name: str, age: Age, listed: float | None) -> Iterator[str]:
+    """Whether the mean age of a rock of an archive is another one there, in words."""
+    mean = float(ages_of(age).mean())
+    if listed is not None and abs(mean - listed) > _OTHER * listed:
+        yield f"hazard.rocks: {name} is {mean:,.0f} years old, and {listed:,.0f} in its archive"
 
 
 def _times(age: Age | None, history: History) -> list[Array]:

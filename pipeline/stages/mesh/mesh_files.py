@@ -6,7 +6,7 @@ import io
 import json
 import re
 from functools import partial
-from itertools import takewhile
+from itertools import accumulate, takewhile
 from os import SEEK_CUR
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -120,11 +120,27 @@ def _require_lines_of_ply(file: BinaryIO) -> None:
     """Refuse a PLY file of text with other lines than it says; trimesh refuses a binary one."""
     lines = (line.split() for line in iter(partial(file.readline, _LINE), b""))
     header = list(takewhile(lambda words: words != [b"end_header"], lines))
-    if [b"format", b"ascii", b"1.0"] in header:
-        told = sum(int(line[2]) for line in header if line[:1] == [b"element"])
-        held = sum(1 for line in file if line.strip())
-        if held != told:
-            raise _other_count(f"{held} lines where its header says {told}")
+    if [b"format", b"ascii", b"1.0"] not in header:
+        return
+    held = [line.split() for line in file if line.strip()]
+    elements = [at for at, line in enumerate(header) if line[:1] == [b"element"]]
+    counts = [int(header[at][2]) for at in elements]
+    if len(held) != sum(counts):
+        raise _other_count(f"{len(held)} lines where its header says {sum(counts)}")
+    for at, count, last in zip(elements, counts, accumulate(counts), strict=True):
+        of = takewhile(lambda line: line[:1] != [b"element"], header[at + 1 :])
+        lists = [line[1] == b"list" for line in of if line[:1] == [b"property"]]
+        if odd := next((one for one in held[last - count : last] if _numbers(one, lists)), None):
+            what = b" ".join(odd)[:40].decode("latin-1")
+            raise _other_count(f"a line {what!r} of other numbers than its header says")
+
+
+def _numbers(line: list[bytes], lists: list[bool]) -> bool:
+    """Whether a line of PLY has others than one for each property, or the length of a list."""
+    at = 0
+    for is_list in lists:
+        at += 1 + (int(line[at]) if is_list and at < len(line) else 0)
+    return at != len(line)
 
 
 def _require_counts_of_dae(file: BinaryIO) -> None:

@@ -476,6 +476,19 @@ def test_a_calculation_has_the_events_that_its_ruptures_say(tmp_path: Path) -> N
         event_files.load(path, None)
 
 
+@pytest.mark.parametrize("lost", [0, 5])
+def test_another_number_of_events_than_shaking_was_computed_for_is_told(
+    tmp_path: Path, lost: int
+) -> None:
+    path = EventSet(400.0, ruptures=40).write_calculation(tmp_path / "calc_7.hdf5")
+    with h5py.File(path, "r+") as file:
+        number = len(file["events"])
+        file["gmf_data"].attrs["num_events"] = number + lost
+    told = [line for line in event_files.load(path, None).model.unused if "may be lost" in line]
+    said = f"gmf_data is of {number + lost} events, and the file has {number}: some may be lost"
+    assert told == [said] * bool(lost)
+
+
 def test_names_in_quotes_are_read(tmp_path: Path) -> None:
     """As R writes them."""
     plain = by_number(event_files.load(written(tmp_path), None).events)

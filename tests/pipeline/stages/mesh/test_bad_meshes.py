@@ -173,6 +173,12 @@ def ply(encoding: str) -> bytes:
     [
         ("ascii.ply", lambda text: text[: text.rindex(b"\n3 ")], "where its header says"),
         ("ascii.ply", lambda text: text.replace(b"face 1280", b"face 1250"), "1922 lines where"),
+        (
+            "ascii.ply",
+            lambda text: re.sub(rb" \S+\n3 ", b"\n3 ", text, count=1),
+            "of other numbers",
+        ),
+        ("ascii.ply", lambda text: text.replace(b"\n3 ", b"\n4 ", 1), "of other numbers than its"),
         ("binary.ply", lambda text: text.replace(b"face 1280", b"face 1277"), "unexpected length"),
         ("x.dae", lambda text: text.replace(b'count="1280"', b'count="1270"'), "of triangles wh"),
         ("x.dae", lambda text: re.sub(rb"( \d+){6}</p>", b"</p>", text), "numbers of triangles"),
