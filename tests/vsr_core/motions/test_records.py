@@ -672,6 +672,11 @@ def test_headers_that_contradict_their_samples() -> None:
     said[1:3] *= 2.0  # DEPMIN and DEPMAX
     found = read(said.tobytes() + whole[632:], ".sac", Reading(unit="m/s2"))
     assert any("DEPMAX of the header" in said for said in found.repairs)
+    lost = np.frombuffer(whole[632:], "<f4").copy()
+    lost[:] = np.roll(np.where(np.arange(len(lost)) // 10 == 10, 0.0, lost), -110)
+    found = read(whole[:632] + lost.tobytes(), ".sac", Reading(unit="m/s2"))
+    assert any("by DEPMEN of the header a mean of" in said for said in found.repairs)
+    assert not read(whole, ".sac", Reading(unit="m/s2")).repairs
     text = files.cosmos((VALUES, 90), interval=STEP)
     refusal(lambda: read(text.replace("(04)", "(11)").encode(), ".v2", PLAIN), "(11) above")
     none = files.cosmos((VALUES[:0], 90), interval=STEP)

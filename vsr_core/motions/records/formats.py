@@ -94,6 +94,9 @@ _SAC_OTHER = {6: "displacement", 7: "velocity", 50: "volts"}
 _SAC_SERIES = 1
 """Of SAC's header IFTYPE: a time series, with LEVEN in even steps."""
 
+_SAC_MEAN = 1e-4
+"""Share of the peak by which SAC's DEPMEN may be off the mean, as in single precision."""
+
 _PRESSURE = re.compile("[A-Z]D[DFGHIOU]")
 """Channels of pressure by SEED's codes."""
 
@@ -148,6 +151,9 @@ def _check_is_acceleration(stream: Any) -> list[str]:
         peaks = [abs(float(sac[key])) for key in ("depmin", "depmax") if key in sac]
         if peaks and not is_near(max(peaks), float(np.abs(trace.data).max())):
             doubts.append(f"{channel}: by DEPMIN and DEPMAX of the header a peak of {max(peaks):g}")
+        mean, most = float(trace.data.mean()), float(np.abs(trace.data).max())
+        if abs(float(sac.get("depmen", mean)) - mean) > _SAC_MEAN * most:
+            doubts.append(f"{channel}: by DEPMEN of the header a mean of {sac['depmen']:g}")
         if len(channel) == 3 and channel[1] in _SEISMOMETERS:
             doubts.append(f"{channel}: by its code a seismometer; taken as accelerations")
     return doubts

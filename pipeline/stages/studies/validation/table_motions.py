@@ -249,6 +249,9 @@ def _opened(path: Path) -> xr.Dataset:
         for name in (name for name, size in sizes.items() if size > most.get(name, _MOST)):
             given, rule = f"{sizes[name]} numbers", f"it holds at most {most.get(name, _MOST)}"
             raise refused(path, name, given, rule, "cut the tests to their shaking")
+        with netCDF4.Dataset(path) as data:  # by now of bounded size
+            for name, variable in data.variables.items():
+                _check_valid(path, name, variable)
         return xr.open_dataset(path, decode_times=False)
     except InputError:
         raise
@@ -256,6 +259,19 @@ def _opened(path: Path) -> xr.Dataset:
         raise InputError.from_invalid(shown(path), "", error) from None
     except Exception as error:  # noqa: BLE001 (of a broken file, whatever HDF5 meets first)
         raise _unreadable(path, error) from None
+
+
+def _check_valid(path: Path, name: str, variable: Any) -> None:
+    """Refuse numbers that the file itself calls invalid (NetCDF Users Guide, appendix A)."""
+    low, high = getattr(variable, "valid_range", (-np.inf, np.inf))
+    low = max(low, getattr(variable, "valid_min", -np.inf))
+    high = min(high, getattr(variable, "valid_max", np.inf))
+    if np.isfinite([low, high]).any():
+        variable.set_auto_maskandscale(False)
+        values = variable[...]
+        if (beyond := values[(values < low) | (values > high)]).size:
+            given, rule = f"{beyond[0]:g}", f"the file says {low:g} to {high:g} of it"
+            raise refused(path, name, given, rule, "correct the number, or its valid range")
 
 
 def _unreadable(path: Path, error: Exception) -> InputError:

@@ -43,6 +43,10 @@ def at_times(times: Callable[[np.ndarray], np.ndarray], unit: str = "s") -> Chan
     )
 
 
+def valid(**given: float | list[float]) -> Change:
+    return lambda data: data.assign(acceleration=data["acceleration"].assign_attrs(given))
+
+
 def counted(values: list[float], dimension: str = "test") -> Change:
     return lambda data: data.assign(n_samples=(dimension, values))
 
@@ -146,6 +150,8 @@ def test_records_that_were_replaced_are_read_again(tmp_path: Path) -> None:
         (at_times(lambda t: t % 1.0), "time: got times that do not ascend"),
         (counted([399.7, 2.2]), "n_samples: .*whole number for each test"),
         (counted([200, 200], "other"), "n_samples: .*whole number for each test"),
+        (valid(valid_range=[-1.0, 1.0]), "acceleration: got .*; the file says -1 to 1 of it"),
+        (valid(valid_max=1.0), "the file says -inf to 1 of it"),
         (at_rate("fast"), "beside a sampling_rate_hz of fast; they agree"),
         (at_rate([200.0, 100.0]), "beside a sampling_rate_hz of "),
         (at_rate(100.0), "time: got a step of 0.005 s beside a sampling_rate_hz of 100"),
