@@ -244,13 +244,13 @@ def _opened(path: Path) -> xr.Dataset:
         with path.open("rb") as file:
             check_format(file.read(3))
         with netCDF4.Dataset(path) as data:
-            sizes = {name: variable.size for name, variable in data.variables.items()}
-        most = dict.fromkeys(("test", "n_samples"), _MOST_TESTS)
-        for name in (name for name, size in sizes.items() if size > most.get(name, _MOST)):
-            given, rule = f"{sizes[name]} numbers", f"it holds at most {most.get(name, _MOST)}"
-            raise refused(path, name, given, rule, "cut the tests to their shaking")
-        with netCDF4.Dataset(path) as data:  # by now of bounded size
-            for name, variable in data.variables.items():
+            variables = data.variables.items()
+            sizes = {name: variable.size for name, variable in variables}
+            most = dict.fromkeys(("test", "n_samples"), _MOST_TESTS)
+            for name in (name for name, size in sizes.items() if size > most.get(name, _MOST)):
+                given, rule = f"{sizes[name]} numbers", f"it holds at most {most.get(name, _MOST)}"
+                raise refused(path, name, given, rule, "cut the tests to their shaking")
+            for name, variable in variables:
                 _check_valid(path, name, variable)
         return xr.open_dataset(path, decode_times=False)
     except InputError:
