@@ -28,6 +28,9 @@ _WITH_UNIT = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\[(\])]*[\])])?")
 _DIGIT, _EXPONENT = re.compile(r"\d"), re.compile(r"[\d.][eE][-+\d]")
 _WORD = re.compile(r"\S+")
 
+_FEW = 2
+"""Lines out of column, or one in a hundred, among others that stand in columns."""
+
 
 def _apart_by_blanks(line: str) -> list[str]:
     """Names with their units, where each has one of its own or none.
@@ -91,21 +94,24 @@ def _form(word: str) -> str:
 def refuse_cut_lines(lines: Sequence[str]) -> None:
     """Refuse a line that lost characters, where numbers end in columns wherever they begin.
 
+    So they do if hardly a line is shorter; one is longer where a number outgrows its column.
+
     Raises
     ------
     InvalidInput
     """
     spans = [[word.span() for word in _WORD.finditer(line)] for line in lines]
     ends = [tuple(end for _, end in of) for of in spans]
-    usual, number = Counter(ends).most_common(1)[0] if ends else ((), 0)
+    usual = Counter(ends).most_common(1)[0][0] if ends else ()
     begins = {
         tuple(begin for begin, _ in of) for of, its in zip(spans, ends, strict=True) if its == usual
     }
-    if 2 * number < len(lines) or len(begins) < 2:
-        return  # parted by blanks, not in columns
-    if off := [line for line, its in zip(lines, ends, strict=True) if its != usual[: len(its)]]:
-        given = f"a line {off[0].strip()[-40:]!r}, out of column"
-        raise InvalidInput(given, "it is whole", "download it again")
+    off = [at for at, its in enumerate(ends) if its != usual[: len(its)]]
+    if len(begins) > 1 and 0 < len(off) <= max(_FEW, len(lines) // 100):
+        shorter = [at for at in off if ends[at][-1:] < usual[: len(ends[at])][-1:]]
+        if shorter:
+            given = f"a line {lines[shorter[0]].strip()[-40:]!r}, out of column"
+            raise InvalidInput(given, "it is whole", "download it again")
 
 
 def refuse_lost_exponents(words: Sequence[str], values: Array) -> None:

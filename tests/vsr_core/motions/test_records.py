@@ -80,9 +80,11 @@ def test_at2_that_breaks_its_word_is_refused() -> None:
         refusal(lambda text=said: read_at2(text, None), "DT in seconds")
     twice = text.replace("NPTS=", "NPTS= 500, NPTS=")
     refusal(lambda: read_at2(twice, None), "NPTS and DT stand there once")
-    for other in ("CM/S2 G", "G (CM/S2)", "G IN UNITS OF CM/S/S"):
-        changed = text.replace("OF G", f"OF {other}")
-        refusal(lambda text=changed: read_at2(text, None), "it has one unit")
+    for other, unit in (("CM/S2 G", "G"), ("G (CM/S2)", "CM/S2"), ("G (9.81 M/S2)", "M/S2")):
+        told = f"its third line names {unit}, too; taken in {other.split()[0]}"
+        assert read_at2(text.replace("OF G", f"OF {other}"), None).repairs == (told,)
+    for other in ("SEC, BANDWIDTH=2", "[s]", "SEC; FILTERED", "SEC  FILTERED", "(100 Hz)", "", "."):
+        assert read_at2(text.replace("SEC,", other), None).interval == STEP
     longer = text.replace("OF G", "OF G. FILTER POINTS: HP=0.1 Hz LP=30 Hz")
     longer = longer.replace("SEC,", "(s),   0 POLE @    30.00000 HZ,  -5 POLE @      .05000")
     np.testing.assert_array_equal(
@@ -562,6 +564,47 @@ def test_numbers_parted_by_blanks_stand_in_no_columns(each: int) -> None:
         lines = [" ".join(words[at : at + each]) for at in range(0, len(words), each)]
         found = read("\n".join([*head, *lines, ""]).encode(), ".at2", PLAIN)
         np.testing.assert_allclose(found.acceleration, values * GRAVITY, atol=1e-6)
+
+
+@pytest.mark.parametrize("form", ["{:6.3f}", "{:5.2f}", "{: .6f}", "{: g}", "{:7.3f} "])
+@pytest.mark.parametrize("each", [1, 8])
+def test_numbers_that_outgrow_their_columns_are_read(form: str, each: int) -> None:
+    head = files.at2(VALUES, STEP).splitlines()[:4]
+    words = [form.format(one) for one in 8.0 * VALUES]
+    lines = ["".join(f" {one}" for one in words[at : at + each]) for at in range(0, 400, each)]
+    found = read("\n".join([*head, *lines, ""]).encode(), ".at2", PLAIN)
+    assert len(found.acceleration) == 400
+
+
+def test_sac_of_text_as_fortran_writes_it_is_read() -> None:
+    """By G15.7: four blanks follow where no exponent stands."""
+    pytest.importorskip("obspy")
+
+    def word(value: float) -> str:
+        size = abs(value)
+        if not 0.1 <= size < 1e7:
+            return f"{value:15.7E}"
+        return f"{value:11.{6 - math.floor(math.log10(size))}f}    "
+
+    lines = sac_text().splitlines()[:30]
+    words = [word(float(one)) for one in VALUES]
+    lines += ["".join(words[at : at + 5]) for at in range(0, len(words), 5)]
+    found = read("\n".join([*lines, ""]).encode(), ".sac", Reading(unit="m/s2"))
+    np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6)
+
+
+def test_cosmos_series_of_other_quantities_are_passed_over() -> None:
+    """Such as a displacement between two floors, by a number of its own."""
+    text = files.cosmos((VALUES, 90), interval=STEP)
+    other = files.cosmos((VALUES, 180), interval=STEP, parameter=2)
+    other = other.replace("       2       2       4", "       2       4       6")
+    other = other.replace("velocity", "relative displacement")
+    assert read_cosmos(text + other, None).channels == ("90",)
+    zeros = np.where(np.arange(400) == 7, 0.0, VALUES)
+    plain = files.cosmos((zeros, 90), interval=STEP).replace("    0.0000", "         0")
+    np.testing.assert_allclose(
+        read_cosmos(plain, None).acceleration, zeros, atol=1e-6
+    )
 
 
 def test_at2_in_one_line_and_of_old_line_ends_is_read() -> None:

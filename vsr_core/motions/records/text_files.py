@@ -47,10 +47,11 @@ _NAMED = re.compile(rf"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*{_NUMBER}", re.IGNORECAS
 _PLAIN = re.compile(rf"^\s*(\d+)\s+{_NUMBER}\s+NPTS\s*,\s*DT", re.IGNORECASE)
 _UNIT = re.compile(r"IN UNITS OF\s+(\S+)", re.IGNORECASE)
 _SECONDS = re.compile(
-    r"[\s(]*((SEC[A-Z]*|S)(?![A-Z]))?[\s).;]*(,((?!NPTS|DT).)*)?", re.IGNORECASE | re.DOTALL
+    r"\s*+(?:[\[(]?\s*(?:SEC[A-Z]*|S)\b|[,;)\]]|\.(?!\d)|[\[(]\s*\d|$)", re.IGNORECASE
 )
-"""All that follows the time step: its unit, and after a comma the filter of some files."""
+"""What may follow the time step: its unit, remarks, or nothing."""
 
+_STATED = re.compile(r"\b(NPTS|DT)\s*=", re.IGNORECASE)
 _WORD = re.compile(r"\S+")
 _UPWARD = re.compile(r"(?:.*[\W_])?[UV]\d?\s*(?:\(.*)?", re.IGNORECASE)
 """Components that PEER NGA calls vertical, where other files may have u and v to the sides."""
@@ -92,7 +93,8 @@ def read_at2(text: str, unit: str | None) -> Record:
         given = f"an AT2 file whose third line is {quantity[:40]!r}"
         rule = "it says ACCELERATION TIME SERIES IN UNITS OF G"
         raise InvalidInput(given, rule, "use the acceleration (.AT2), not velocity or displacement")
-    if not _SECONDS.fullmatch(lines[3], found.end()) or lines[3][: found.start()].strip():
+    keys = [word.upper() for word in _STATED.findall(lines[3])]
+    if not _SECONDS.match(lines[3], found.end()) or len({*keys}) < len(keys):
         given = f"an AT2 file that says {lines[3].strip()[:50]!r}"
         rule = "NPTS and DT stand there once, DT in seconds"
         raise InvalidInput(given, rule, "change it")
@@ -101,9 +103,7 @@ def read_at2(text: str, unit: str | None) -> Record:
     in_file = _UNIT.search(quantity)
     name = stated(in_file[1].strip("().,;") if in_file else None, unit)
     words = [word.strip("().,;") for word in quantity[in_file.end() if in_file else 0 :].split()]
-    if other := next((one for one in words if _is_other(one, name)), None):
-        given = f"an AT2 file in {name} and in {other}"
-        raise InvalidInput(given, "it has one unit", "leave the other out of its third line")
+    others = [word for word in words if _is_other(word, name)]
     start = sum(map(len, lines))
     count = sum(1 for _ in islice(_WORD.finditer(text, start), int(number) + 1))
     if count > number:
@@ -135,6 +135,7 @@ def read_at2(text: str, unit: str | None) -> Record:
         station,
         source,
         name,
+        repairs=tuple(f"its third line names {other}, too; taken in {name}" for other in others),
         instruments=instruments,
         directions=(UPWARD,) if _UPWARD.fullmatch(channel) or upward else (),
     )
@@ -170,6 +171,9 @@ _UNIT_ABOVE = re.compile(
 """The unit in words, and its number, in the heading of the samples."""
 
 _NO_ACCELERATION = re.compile(r"[cm]?m(/s(ec)?)?", re.IGNORECASE)
+
+_PLAIN_WORDS = ("0", "-0", "-999")
+"""Numbers that mean the same with a point."""
 
 _QUANTITIES = {1: "accel", 2: "veloc", 3: "displ"}
 """What integer 2 of a header says, as titles and headings begin it."""
@@ -271,7 +275,7 @@ def _check_quantity(number: int, title: str, heading: str) -> None:
     """Refuse a series that is called another one than the number in its header says."""
     for said in (title, heading):
         called = [key for key, word in _QUANTITIES.items() if word in said.lower()]
-        if called and number not in called:
+        if called and number in _QUANTITIES and number not in called:
             words = said.split("(")[0].strip()[:50]
             raise _broken(f"has quantity {number} in its header, and is called {words!r}")
 
@@ -304,7 +308,10 @@ def _block(lines: Iterator[str], heading: str) -> Array:
         if len(line.rstrip()) > taken * width:
             raise _broken(f"has a line of more columns than {heading.strip()[:50]!r} has")
         words += [line[i * width : (i + 1) * width] for i in range(taken)]
-    if int(columns[3] or 0) and (whole := next((word for word in words if "." not in word), None)):
+    whole = next(
+        (word for word in words if "." not in word and word.strip() not in _PLAIN_WORDS), ""
+    )
+    if int(columns[3] or 0) and whole:
         raise _broken(f"has {whole.strip()!r}, without a point, under {heading.strip()[:50]!r}")
     try:
         return np.array([plain_number(word) for word in words])
