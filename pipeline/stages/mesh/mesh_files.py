@@ -139,7 +139,7 @@ def _numbers(line: list[bytes], lists: list[bool]) -> bool:
     """Whether a line of PLY has others than one for each property, or the length of a list."""
     at = 0
     for is_list in lists:
-        at += 1 + (int(line[at]) if is_list and at < len(line) else 0)
+        at += 1 + (int(float(line[at])) if is_list and at < len(line) else 0)
     return at != len(line)
 
 

@@ -602,9 +602,7 @@ def test_cosmos_series_of_other_quantities_are_passed_over() -> None:
     assert read_cosmos(text + other, None).channels == ("90",)
     zeros = np.where(np.arange(400) == 7, 0.0, VALUES)
     plain = files.cosmos((zeros, 90), interval=STEP).replace("    0.0000", "         0")
-    np.testing.assert_allclose(
-        read_cosmos(plain, None).acceleration, zeros, atol=1e-6
-    )
+    np.testing.assert_allclose(read_cosmos(plain, None).acceleration, zeros, atol=1e-6)
 
 
 def test_at2_in_one_line_and_of_old_line_ends_is_read() -> None:

@@ -168,6 +168,12 @@ def ply(encoding: str) -> bytes:
     return written if isinstance(written, bytes) else written.encode()
 
 
+def test_lengths_of_lists_may_be_written_with_a_point(tmp_path: Path) -> None:
+    text = ply("ascii").replace(b"list uchar int", b"list float int").replace(b"\n3 ", b"\n3.0 ")
+    (tmp_path / "rock.ply").write_bytes(text)
+    assert mesh_files.read(tmp_path / "rock.ply").volume == pytest.approx(ball().volume, rel=1e-5)
+
+
 @pytest.mark.parametrize(
     ("kind", "change", "words"),
     [
