@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+from collections import Counter
 from functools import partial
 from itertools import accumulate, takewhile
 from os import SEEK_CUR
@@ -144,9 +145,17 @@ def _numbers(line: list[bytes], lists: list[bool]) -> bool:
 
 
 def _require_counts_of_dae(file: BinaryIO) -> None:
-    """Refuse a COLLADA file whose numbers, triangles or polygons are not as many as it says."""
+    """Refuse a COLLADA file whose numbers, triangles or polygons are not as many as it says.
+
+    Or of whose geometries one cannot be read, which trimesh leaves out.
+    """
+    import collada
+
+    drawn = Counter[str]()
     for _, one in ElementTree.iterparse(file):  # noqa: S314 (expat refuses texts that multiply)
         name = one.tag.rpartition("}")[2]
+        if name == "geometry":
+            drawn[str(one.get("id"))] += sum(map(_faces, one.iter()))
         if name not in _COUNTED:
             continue
         part = one if name == "float_array" else one.find("{*}" + _COUNTED[name])
@@ -159,7 +168,21 @@ def _require_counts_of_dae(file: BinaryIO) -> None:
         told = int(one.get("count", -1))
         if held != each * told:
             raise _other_count(f"{held} numbers of {name} where it says {each * told}")
+    file.seek(0)
+    found = collada.Collada(file, ignore=[collada.common.DaeError])
+    for one in found.geometries:
+        drawn[str(one.id)] -= sum(map(len, one.primitives))
+    if lost := +drawn:
+        given = f"a COLLADA file whose geometry {min(lost)!r} cannot be read"
+        raise InvalidInput(given, "it is triangles or polygons", "export it so, or as .ply")
 
+
+def _faces(one: ElementTree.Element) -> int:
+    """How many triangles or polygons a part of COLLADA says that it has."""
+    return int(one.get("count", 0)) if one.tag.rpartition("}")[2] in _SURFACES else 0
+
+
+_SURFACES = ("triangles", "polylist", "polygons", "trifans", "tristrips")
 
 _COUNTED = {"float_array": "", "triangles": "p", "polylist": "vcount"}
 """Parts of COLLADA, and where they have as many numbers as they say, or three for each input."""

@@ -168,6 +168,17 @@ def ply(encoding: str) -> bytes:
     return written if isinstance(written, bytes) else written.encode()
 
 
+@pytest.mark.parametrize("lost", [b"<p><!-- x -->", b"<p>0 </p><p>"])
+def test_a_geometry_that_cannot_be_read_is_not_left_out(tmp_path: Path, lost: bytes) -> None:
+    """One of two, by a remark among its numbers."""
+    whole = export_collada([ball(), ball().apply_translation([3.0, 0.0, 0.0])])
+    (tmp_path / "rock.dae").write_bytes(whole)
+    assert mesh_files.read(tmp_path / "rock.dae").volume == pytest.approx(2.0 * ball().volume)
+    (tmp_path / "rock.dae").write_bytes(lost.join(whole.rsplit(b"<p>", 1)))
+    with pytest.raises(InvalidInput, match=r"cannot be read; it is triangles|numbers of triangles"):
+        mesh_files.read(tmp_path / "rock.dae")
+
+
 def test_lengths_of_lists_may_be_written_with_a_point(tmp_path: Path) -> None:
     text = ply("ascii").replace(b"list uchar int", b"list float int").replace(b"\n3 ", b"\n3.0 ")
     (tmp_path / "rock.ply").write_bytes(text)
