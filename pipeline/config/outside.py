@@ -48,8 +48,12 @@ LARGEST = 64 * 1024**2
 MOST_LINES, LONGEST_LINE = 500_000, 1_000_000
 """Lines of a table, and characters of one, that take some hundreds of megabytes of memory."""
 
-_ROW, _MORE = 200, 100
-"""Bytes of a row of a table of few columns, in the mean, and its lines of names and comments."""
+_ROW, _LINES, _MORE = 500, 2, 1000
+"""Of a table of few columns: bytes of a row in the mean, lines for each, as others may be blank,
+and lines of names and comments."""
+
+_LARGEST_SHORT = 16 * 1024**2
+"""Bytes of a table of few columns."""
 
 LONGEST_FIELD = 100_000
 """Characters of a field of a table."""
@@ -195,8 +199,8 @@ def text(path: Path, largest: int = LARGEST) -> str:
 
 def short_text(path: Path, most: int) -> str:
     """The same of a table of so many rows of few columns at most."""
-    found = text(path, _ROW * (most + _MORE))
-    _check_lines(path, found, most + _MORE)
+    found = text(path, min(_ROW * (most + _MORE), _LARGEST_SHORT))
+    _check_lines(path, found, _LINES * most + _MORE)
     return found
 
 
@@ -204,7 +208,7 @@ def _check_lines(path: Path, text: str, most: int) -> None:
     """Refuse a table of more lines, or of a longer one, before room is made for its fields."""
     if (number := text.count("\n")) > most:
         raise refused(path, "", f"{number:,} lines", f"at most {most:,}", "thin it out")
-    if (longest := max(map(len, text.split("\n")))) > LONGEST_LINE:
+    if (longest := max(map(len, text.splitlines()), default=0)) > LONGEST_LINE:
         rule = f"at most {LONGEST_LINE:,}"
         raise refused(path, "", f"a line of {longest:,} characters", rule, "leave columns out")
 

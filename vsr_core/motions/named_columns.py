@@ -42,7 +42,7 @@ def _apart_by_blanks(line: str) -> list[str]:
     return found if "".join("".join(found).split()) == "".join(plain) else plain
 
 
-LONGEST_LINE, LONGEST_NAME = 100_000, 500
+LONGEST_LINE, LONGEST_NAME = 1_000_000, 500
 """Characters of a line, and of the name of a column."""
 
 
@@ -107,6 +107,8 @@ def refuse_cut_lines(lines: Sequence[str]) -> None:
         tuple(begin for begin, _ in of) for of, its in zip(spans, ends, strict=True) if its == usual
     }
     off = [at for at, its in enumerate(ends) if its != usual[: len(its)]]
+    if off[:1] == [0] and not lines[0].startswith(" "):
+        del off[0]  # its blanks may be lost with those around the whole text
     if len(begins) > 1 and 0 < len(off) <= max(_FEW, len(lines) // 100):
         shorter = [at for at in off if ends[at][-1:] < usual[: len(ends[at])][-1:]]
         if shorter:

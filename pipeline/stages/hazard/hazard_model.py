@@ -108,7 +108,7 @@ class GivenCurve(Row):
     years: float | None = Field(None, ge=1e-3, le=1e6, description="years of the probabilities")
     lon: float = Field(ge=-180, le=360, description="longitude of the site [degree]")
     lat: float = Field(ge=-90, le=90, description="latitude of the site [degree]")
-    depth: float = Field(0.0, ge=-100, le=1000, description="depth of the site [km]")
+    depth: float = Field(0.0, ge=-1e4, le=1e4, description="depth of the site")
     place: str = Field("", description="number or name of the site")
     levels: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Lax] = Field(
         min_length=2, max_length=10_000, description="two or more levels of the measure"
@@ -276,8 +276,9 @@ def _alike(curves: list[tuple[Path, GivenCurve]]) -> None:
         if max(abs(east), abs(one.lat - first.lat)) > NEAR:
             given = f"{one.lon:g}, {one.lat:g}, and elsewhere {first.lon:g}, {first.lat:g}"
             raise refused(path, "lon, lat", given, "all curves are of one site", remedy)
-        if (one.depth, one.place) != (first.depth, first.place):
-            sites = (f"{of.place or 'a site'}, {of.depth:g} km deep" for of in (one, first))
+        named = one.place and first.place and one.place.lower() != first.place.lower()
+        if named or abs(one.depth - first.depth) > NEAR:
+            sites = (f"{of.place or 'a site'}, depth {of.depth:g}" for of in (one, first))
             given = ", and elsewhere ".join(sites)
             raise refused(path, "lon, lat", given, "all curves are of one site", remedy)
         if one.years != first.years:

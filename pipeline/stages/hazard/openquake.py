@@ -250,16 +250,19 @@ def _mean(file: Any, shape: tuple[int, ...]) -> Array | None:
 _COMMENT = re.compile(r"^[ \t\"]*#.*", re.MULTILINE)
 _KEY = re.compile(
     r"\b(investigation_time|ses_per_logic_tree_path|imt|kind|checksum|lon|lat|weights|\w+_bin_edges)"
-    r"\s*="
+    r"\s*=\s*(\[[^\[\]]*\]|[^\s,\[]*)"
 )
-"""What is read of comments, the first line among them."""
+"""What is read of comments, the first line among them, and its value."""
 
 
 def _check_stated_once(path: Path, lines: str) -> None:
-    """Refuse comments that state a thing twice."""
-    keys = [key for comment in _COMMENT.findall(lines) for key in _KEY.findall(comment)]
-    if twice := next((key for key in keys if keys.count(key) > 1), None):
-        raise refused(path, twice, "it twice", "the first line states it", "export it again")
+    """Refuse comments that state a thing twice, and otherwise."""
+    said: dict[str, str] = {}
+    for key, value in (found for one in _COMMENT.findall(lines) for found in _KEY.findall(one)):
+        own = value.strip("\"'")
+        if said.setdefault(key, own) != own:
+            given, rule = f"{said[key]} and {own}", "the first line states it"
+            raise refused(path, key, given[:100], rule, "export it again")
 
 
 def _curves(folder: Path) -> dict[tuple[int, str], tuple[Path, GivenCurve]]:
@@ -310,7 +313,7 @@ def _curve(path: Path, kind: str, measure: str) -> GivenCurve:
         {
             "measure": measure,
             "years": years[1],
-            **{name: cells[name] for name in _PLACES[:3] if name in cells},
+            **{name: cells[name] for name in _PLACES[:3] if cells.get(name)},
             "place": " ".join(cells[name] for name in _PLACES[3:] if name in cells),
             "levels": [found[2] for found in levels.values()],
             "values": [cells[name] for name in levels],

@@ -17,6 +17,7 @@ import numpy as np
 
 from pipeline.config.outside import check_regular
 from pipeline.workflow.grammar import listed
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
 
 if TYPE_CHECKING:
@@ -95,20 +96,31 @@ def _require_bounds(scene: dict[str, Any], data: bytes) -> None:
 
     They are so by "glTF 2.0 Specification" (Khronos Group, 2021), 3.6.2.5.
     """
-    parts = [part["attributes"] for mesh in scene.get("meshes", ()) for part in mesh["primitives"]]
+    used = {node["mesh"] for node in scene.get("nodes", ()) if "mesh" in node}
+    parts = [part["attributes"] for at in used for part in scene["meshes"][at]["primitives"]]
     for at in {part["POSITION"] for part in parts if "POSITION" in part}:
         accessor = scene["accessors"][at]
-        if accessor["componentType"] != _SINGLE or not {"min", "max", "bufferView"} <= {*accessor}:
+        points = _stored(scene, accessor, data)
+        if points is None or not isinstance(accessor.get("min"), list):
             continue
-        view = scene["bufferViews"][accessor["bufferView"]]
-        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        shape, strides = (accessor["count"], 3), (view.get("byteStride", 12), 4)
-        points = np.ndarray(shape, np.dtype("<f4"), data, start, strides)
         held = np.array([points.min(axis=0), points.max(axis=0)])
         told = np.array([accessor["min"], accessor["max"]])
         if np.abs(held - told).max() > COARSEST * np.ptp(held, axis=0).max():
             given = f"coordinates from {held[0]} to {held[1]} that say {told[0]} to {told[1]}"
             raise InvalidInput(given, "bounds are those of the coordinates", "export it again")
+
+
+def _stored(scene: dict[str, Any], accessor: dict[str, Any], data: bytes) -> Array | None:
+    """Coordinates in the file itself, in single precision; None of what is elsewhere or packed."""
+    view = scene["bufferViews"][accessor["bufferView"]] if "bufferView" in accessor else {}
+    start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    count, stride = accessor["count"], view.get("byteStride", 12)
+    is_here = view.get("buffer", -1) == 0 and "uri" not in scene["buffers"][0]
+    if not is_here or accessor["componentType"] != _SINGLE or count < 1:
+        return None
+    if start + (count - 1) * stride + 12 > len(data):
+        return None  # which trimesh refuses
+    return np.ndarray((count, 3), np.dtype("<f4"), data, start, (stride, 4)).astype(np.float64)
 
 
 _MOVES = {"translation", "rotation", "scale"}

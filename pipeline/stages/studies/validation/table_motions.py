@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -217,11 +218,8 @@ def recorded(folder: Path) -> tuple[set[int], float]:
 
 def _check_rate(path: Path, rate: Any, interval: float) -> None:
     """Refuse times that contradict the sampling rate of the file, where it states one."""
-    try:
-        agrees = rate is None or abs(interval * float(rate) - 1.0) <= _RATE
-    except (TypeError, ValueError):
-        agrees = False
-    if not agrees:
+    words = " ".join(map(str, np.ravel(rate))) if rate is not None else ""
+    if any(abs(interval * float(one) - 1.0) > _RATE for one in _NUMBER.findall(words)):
         given = f"a step of {interval:g} s beside a sampling_rate_hz of {rate}"
         raise refused(path, "time", given, "they agree", "correct one of them")
 
@@ -261,17 +259,35 @@ def _opened(path: Path) -> xr.Dataset:
         raise _unreadable(path, error) from None
 
 
+_NUMBER = re.compile(r"\d+\.?\d*(?:[eE][-+]?\d+)?")
+
+_SINGLE = 1e-6
+"""How far single precision may be off, as a share."""
+
+
 def _check_valid(path: Path, name: str, variable: Any) -> None:
     """Refuse numbers that the file itself calls invalid (NetCDF Users Guide, appendix A)."""
-    low, high = getattr(variable, "valid_range", (-np.inf, np.inf))
-    low = max(low, getattr(variable, "valid_min", -np.inf))
-    high = min(high, getattr(variable, "valid_max", np.inf))
+    names = ("valid_range", "valid_min", "valid_max")
+    given = {name: getattr(variable, name, ()) for name in names}
+    if not all(np.asarray(one).dtype.kind in "iuf" for one in given.values()):
+        return  # as none that is a number
+    low = max((*np.ravel(given["valid_range"])[:1], *np.ravel(given["valid_min"])), default=-np.inf)
+    high = min((*np.ravel(given["valid_range"])[1:], *np.ravel(given["valid_max"])), default=np.inf)
     if np.isfinite([low, high]).any():
-        variable.set_auto_maskandscale(False)
-        values = variable[...]
-        if (beyond := values[(values < low) | (values > high)]).size:
-            given, rule = f"{beyond[0]:g}", f"the file says {low:g} to {high:g} of it"
-            raise refused(path, name, given, rule, "correct the number, or its valid range")
+        variable.set_auto_scale(False)
+        variable.set_auto_mask(False)
+        values = np.ravel(variable[...])
+        kind = np.dtype(variable.dtype).str[1:]
+        fills: list[Any] = [getattr(variable, "_FillValue", netCDF4.default_fillvals.get(kind))]
+        fills += np.ravel(getattr(variable, "missing_value", fills)).tolist()
+        for fill in fills:
+            values = values[values != fill]
+        values = values[np.isfinite(values)]
+        far = _SINGLE * np.abs(values)
+        if (beyond := values[(values < low - far) | (values > high + far)]).size:
+            rule = f"the file says {low:g} to {high:g} of it"
+            remedy = "correct the number, or its valid range"
+            raise refused(path, name, f"{beyond[0]:g}", rule, remedy)
 
 
 def _unreadable(path: Path, error: Exception) -> InputError:

@@ -133,21 +133,21 @@ def test_a_mean_curve_that_is_none_of_the_realizations_is_told(
         (FIRST, "-120.9,35.2,0.0,", "-120.9,35.2,0.0,1.0,", "7 fields in row 1"),
         (FIRST, "9.999546000702E-01", "1.0", "no finite rate"),
         (FIRST, "investigation_time=50.0", "risk_investigation_time=50.0", "got nothing"),
-        (FIRST, "kind=", "investigation_time=1.0, kind=", "investigation_time: got it twice"),
-        (FIRST, "imt='PGA'", "imt='PGA', imt='SA(0.2)'", "imt: got it twice; the first line"),
-        (FIRST, "\nlon", "\n# investigation_time=1.0\nlon", "investigation_time: got it twice"),
-        (FIRST, "E-04\n", "E-04\n# investigation_time=1.0\n", "investigation_time: got it twice"),
+        (FIRST, "kind=", "investigation_time=1.0, kind=", "investigation_time: got "),
+        (FIRST, "imt='PGA'", "imt='PGA', imt='SA(0.2)'", "imt: got PGA and SA(0.2); the"),
+        (FIRST, "\nlon", "\n# investigation_time=1.0\nlon", "investigation_time: got "),
+        (FIRST, "E-04\n", "E-04\n# investigation_time=1.0\n", "investigation_time: got "),
         (
             "realizations_1.csv",
             "rlz_id",
             "# checksum=1, checksum=2\nrlz_id",
-            "checksum: got it twice",
+            "checksum: got 1 and 2",
         ),
         (
             FIRST,
             "-120.9,35.2,0.0,",
             "-120.9,35.2,10.0,",
-            "got a site, 0 km deep, and elsewhere a site, 10 km deep",
+            "got a site, depth 0, and elsewhere a site, depth 10",
         ),
         (FIRST, "investigation_time=50.0", "investigation_time=1e-300", "years: got '1e-300'"),
         (FIRST, "investigation_time=50.0", "investigation_time=5.0", "50 years, and elsewhere 5"),
@@ -443,10 +443,11 @@ def nshmp(folder: Path, rates: str, levels: str = "0.01,0.1,0.5,1.0") -> Path:
     return folder
 
 
-@pytest.mark.parametrize("as_saved", ["-120.90,35.20,0,", "239.1,35.2,0.00000,"])
+@pytest.mark.parametrize("as_saved", ["-120.90,35.20,0,", "239.1,35.2,0.00000,", "-120.9,35.2,,"])
 def test_a_place_is_one_however_it_is_written(tmp_path: Path, as_saved: str) -> None:
     path = written(tmp_path) / FIRST
-    path.write_text(path.read_text().replace("-120.9,35.2,0.0,", as_saved))
+    comment = f"# of 2026, investigation_time={YEARS}\n"
+    path.write_text(path.read_text().replace("-120.9,35.2,0.0,", as_saved) + comment)
     assert len(curve_folder.load(tmp_path).branches) == 2
 
 
@@ -458,9 +459,7 @@ def test_curves_of_two_places_of_nshmp_haz_are_refused(tmp_path: Path) -> None:
     path.write_text(text)
     assert curve_folder.load(tmp_path).branches[0].pgv is not None
     path.write_text(text.replace("here", "there"))
-    with pytest.raises(
-        InputError, match="got there, 0 km deep, and elsewhere here, 0 km deep; all"
-    ):
+    with pytest.raises(InputError, match="got there, depth 0, and elsewhere here, depth 0; all"):
         curve_folder.load(tmp_path)
 
 

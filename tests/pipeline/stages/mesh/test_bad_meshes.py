@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from collections.abc import Callable
@@ -282,6 +283,23 @@ def test_coordinates_that_trimesh_passes_over(
     glb(tmp_path / "rock.glb", lambda scene: scene | more)
     where = site(tmp_path, "rock.glb")
     refused("run", "rock", "--site", where, words=("rock.mesh", "rock.glb", told, "plain"))
+
+
+def test_coordinates_in_a_text_of_their_own_are_read(tmp_path: Path) -> None:
+    """Of a buffer that stands in the scene, beside no bytes behind it; and of none at all."""
+    content = ball().export(file_type="glb")
+    length = int.from_bytes(content[12:16], "little")
+    data = base64.b64encode(content[28 + length :]).decode()
+
+    def within(scene: dict[str, Any]) -> dict[str, Any]:
+        buffer = scene["buffers"][0] | {"uri": f"data:application/octet-stream;base64,{data}"}
+        return scene | {"buffers": [buffer]}
+
+    glb(tmp_path / "rock.glb", within)
+    assert mesh_files.read(tmp_path / "rock.glb").volume == pytest.approx(ball().volume, rel=1e-6)
+    (tmp_path / "rock.glb").write_bytes(content[: 20 + length])
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        mesh_files.read(tmp_path / "rock.glb")
 
 
 @pytest.mark.parametrize("far", [0.2, -0.2])

@@ -43,7 +43,7 @@ def at_times(times: Callable[[np.ndarray], np.ndarray], unit: str = "s") -> Chan
     )
 
 
-def valid(**given: float | list[float]) -> Change:
+def valid(**given: float | str | list[float]) -> Change:
     return lambda data: data.assign(acceleration=data["acceleration"].assign_attrs(given))
 
 
@@ -152,7 +152,7 @@ def test_records_that_were_replaced_are_read_again(tmp_path: Path) -> None:
         (counted([200, 200], "other"), "n_samples: .*whole number for each test"),
         (valid(valid_range=[-1.0, 1.0]), "acceleration: got .*; the file says -1 to 1 of it"),
         (valid(valid_max=1.0), "the file says -inf to 1 of it"),
-        (at_rate("fast"), "beside a sampling_rate_hz of fast; they agree"),
+        (at_rate("100 Hz"), "beside a sampling_rate_hz of 100 Hz; they agree"),
         (at_rate([200.0, 100.0]), "beside a sampling_rate_hz of "),
         (at_rate(100.0), "time: got a step of 0.005 s beside a sampling_rate_hz of 100"),
         (one_test(0.06), r"peaks of 0\.089\d+ times pga_g \(test 1\)"),
@@ -172,6 +172,21 @@ def test_records_that_were_replaced_are_read_again(tmp_path: Path) -> None:
 def test_records_that_contradict_themselves(tmp_path: Path, change: Change, words: str) -> None:
     with pytest.raises(InputError, match=words):
         motions_of(changed(tmp_path, change))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        at_rate("200 Hz"),
+        at_rate("unknown"),
+        at_rate([200.0, 200.0]),
+        valid(valid_range=[-60.0, 60.0]),
+        valid(valid_range="-60 to 60", valid_min="none"),
+        valid(valid_range=[-60.0, 60.0], missing_value=999.0),
+    ],
+)
+def test_records_with_remarks_of_their_own_are_read(tmp_path: Path, change: Change) -> None:
+    assert len(motions_of(changed(tmp_path, change))) == 2
 
 
 @pytest.mark.parametrize("name", ["time", "acceleration", "n_samples"])
