@@ -232,6 +232,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_the_workers_too(
     write_site: Callable[..., str], derived: Path, tmp_path: Path, vsr: Callable[..., Any]
 ) -> None:

@@ -119,7 +119,7 @@ def test_workers_change_no_bit(make: Make, tmp_path: Path, engine: str) -> None:
     ("ground", "motion"),
     [
         ("mesh", "record"),
-        ("terrain", "cosine"),
+        pytest.param("terrain", "cosine", marks=pytest.mark.slow),
         pytest.param("terrain", "record", marks=pytest.mark.slow),
     ],
 )
