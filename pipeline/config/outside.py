@@ -40,20 +40,16 @@ from pipeline.config.sections import Refused, Section
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.hdf5_heaps import damaged
 from vsr_core.motions.hdf5_parts import kept_elsewhere
-from vsr_core.motions.named_columns import is_cut
+from vsr_core.motions.named_columns import LONGEST_LINE, is_cut
 
 LARGEST = 64 * 1024**2
 """Bytes of a file."""
 
-MOST_LINES, LONGEST_LINE = 500_000, 1_000_000
-"""Lines of a table, and characters of one, that take some hundreds of megabytes of memory."""
+MOST_LINES = 500_000
+"""Lines of a table, which take some hundreds of megabytes of memory."""
 
-_ROW, _LINES, _MORE = 500, 2, 1000
-"""Of a table of few columns: bytes of a row in the mean, lines for each, as others may be blank,
-and lines of names and comments."""
-
-_LARGEST_SHORT = 16 * 1024**2
-"""Bytes of a table of few columns."""
+_LARGEST_SHORT, _MORE = 16 * 1024**2, 1000
+"""Bytes of a table of few columns, and its lines of names and comments."""
 
 LONGEST_FIELD = 100_000
 """Characters of a field of a table."""
@@ -199,8 +195,8 @@ def text(path: Path, largest: int = LARGEST) -> str:
 
 def short_text(path: Path, most: int) -> str:
     """The same of a table of so many rows of few columns at most."""
-    found = text(path, min(_ROW * (most + _MORE), _LARGEST_SHORT))
-    _check_lines(path, found, _LINES * most + _MORE)
+    found = text(path, _LARGEST_SHORT)
+    _check_lines(path, found, 2 * most + _MORE)  # every second may be blank
     return found
 
 

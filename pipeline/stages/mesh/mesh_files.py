@@ -157,47 +157,38 @@ def _numbers(line: list[bytes], lists: list[bool]) -> bool:
 
 
 def _require_counts_of_dae(file: BinaryIO) -> None:
-    """Refuse a COLLADA file whose numbers, triangles or polygons are not as many as it says.
+    """Refuse a COLLADA file whose numbers, or parts of a geometry, are not as many as it says.
 
-    Or of whose geometries one cannot be read, which trimesh leaves out.
+    What cannot be read of a geometry trimesh leaves out.
     """
     import collada
 
-    drawn = Counter[str]()
+    told = Counter[str]()
     for _, one in ElementTree.iterparse(file):  # noqa: S314 (expat refuses texts that multiply)
         name = one.tag.rpartition("}")[2]
         if name == "geometry":
-            drawn[str(one.get("id"))] += sum(map(_faces, one.iter()))
-        if name not in _COUNTED:
-            continue
-        part = one if name == "float_array" else one.find("{*}" + _COUNTED[name])
-        held = len(((part.text if part is not None else "") or "").split())
-        each = 1
-        if name == "triangles":
-            each = 3 + 3 * max(
-                (int(of.get("offset", 0)) for of in one.iterfind("{*}input")), default=0
-            )
-        told = int(one.get("count", -1))
-        if held != each * told:
-            raise _other_count(f"{held} numbers of {name} where it says {each * told}")
+            told[str(one.get("id"))] = sum(map(_parts, one.iter()))
+        elif name == "float_array" and len((one.text or "").split()) != int(one.get("count", -1)):
+            raise _other_count(f"{one.get('count')} numbers of which others are there")
     file.seek(0)
     found = collada.Collada(file, ignore=[collada.common.DaeError])
-    for one in found.geometries:
-        drawn[str(one.id)] -= sum(map(len, one.primitives))
-    if lost := +drawn:
-        given = f"a COLLADA file whose geometry {min(lost)!r} cannot be read"
-        raise InvalidInput(given, "it is triangles or polygons", "export it so, or as .ply")
+    held = Counter({str(one.id): sum(map(len, one.primitives)) for one in found.geometries})
+    if others := [name for name in told if told[name] != held[name]]:
+        raise _other_count(
+            f"{told[others[0]]} parts of {others[0]!r}, of which {held[others[0]]} read"
+        )
 
 
-def _faces(one: ElementTree.Element) -> int:
-    """How many triangles or polygons a part of COLLADA says that it has."""
-    return int(one.get("count", 0)) if one.tag.rpartition("}")[2] in _SURFACES else 0
+def _parts(one: ElementTree.Element) -> int:
+    """How many triangles, polygons or lines a part of COLLADA says that it has."""
+    return int(one.get("count", 0)) if one.tag.rpartition("}")[2] in _PRIMITIVES else 0
 
 
-_SURFACES = ("triangles", "polylist", "polygons", "trifans", "tristrips")
-
-_COUNTED = {"float_array": "", "triangles": "p", "polylist": "vcount"}
-"""Parts of COLLADA, and where they have as many numbers as they say, or three for each input."""
+_PRIMITIVES = (
+    *("triangles", "polylist", "polygons", "trifans", "tristrips"),
+    "lines",
+    "linestrips",
+)
 
 _WHOLE = {"glb": _require_plain_gltf, "ply": _require_lines_of_ply, "dae": _require_counts_of_dae}
 
