@@ -157,7 +157,7 @@ def _numbers(line: list[bytes], lists: list[bool]) -> bool:
 
 
 def _require_counts_of_dae(file: BinaryIO) -> None:
-    """Refuse a COLLADA file whose numbers, or parts of a geometry, are not as many as it says.
+    """Refuse a COLLADA file whose numbers, or faces of a geometry, are not as many as it says.
 
     What cannot be read of a geometry trimesh leaves out.
     """
@@ -167,28 +167,26 @@ def _require_counts_of_dae(file: BinaryIO) -> None:
     for _, one in ElementTree.iterparse(file):  # noqa: S314 (expat refuses texts that multiply)
         name = one.tag.rpartition("}")[2]
         if name == "geometry":
-            told[str(one.get("id"))] = sum(map(_parts, one.iter()))
+            told[str(one.get("id"))] = sum(map(_faces, one.iter()))
         elif name == "float_array" and len((one.text or "").split()) != int(one.get("count", -1)):
             raise _other_count(f"{one.get('count')} numbers of which others are there")
     file.seek(0)
     found = collada.Collada(file, ignore=[collada.common.DaeError])
-    held = Counter({str(one.id): sum(map(len, one.primitives)) for one in found.geometries})
-    if others := [name for name in told if told[name] != held[name]]:
-        raise _other_count(
-            f"{told[others[0]]} parts of {others[0]!r}, of which {held[others[0]]} read"
-        )
+    lines = collada.lineset.LineSet  # which trimesh has no use for
+    held = Counter[str]()
+    for geometry in found.geometries:
+        faces = [len(one) for one in geometry.primitives if not isinstance(one, lines)]
+        held[str(geometry.id)] = sum(faces)
+    if lost := next((name for name in told if told[name] != held[name]), None):
+        raise _other_count(f"{told[lost]} faces of {lost!r}, of which {held[lost]} can be read")
 
 
-def _parts(one: ElementTree.Element) -> int:
-    """How many triangles, polygons or lines a part of COLLADA says that it has."""
-    return int(one.get("count", 0)) if one.tag.rpartition("}")[2] in _PRIMITIVES else 0
+def _faces(one: ElementTree.Element) -> int:
+    """How many faces a part of COLLADA says that it has."""
+    return int(one.get("count", 0)) if one.tag.rpartition("}")[2] in _SURFACES else 0
 
 
-_PRIMITIVES = (
-    *("triangles", "polylist", "polygons", "trifans", "tristrips"),
-    "lines",
-    "linestrips",
-)
+_SURFACES = {"triangles", "polylist", "polygons", "trifans", "tristrips"}
 
 _WHOLE = {"glb": _require_plain_gltf, "ply": _require_lines_of_ply, "dae": _require_counts_of_dae}
 

@@ -176,8 +176,16 @@ def test_a_geometry_that_cannot_be_read_is_not_left_out(tmp_path: Path, lost: by
     (tmp_path / "rock.dae").write_bytes(whole)
     assert mesh_files.read(tmp_path / "rock.dae").volume == pytest.approx(2.0 * ball().volume)
     (tmp_path / "rock.dae").write_bytes(lost.join(whole.rsplit(b"<p>", 1)))
-    with pytest.raises(InvalidInput, match=r"1280 parts of .*, of which \d+ read|cannot be read"):
+    with pytest.raises(InvalidInput, match=r"1280 faces of .*, of which 0 can|cannot be read"):
         mesh_files.read(tmp_path / "rock.dae")
+
+
+def test_guiding_lines_beside_a_rock_are_left_out(tmp_path: Path) -> None:
+    lines = b'<geometry id="guide"><mesh><linestrips count="1"/></mesh></geometry>'
+    whole = export_collada(ball()).replace(b"<library_geometries>", b"<library_geometries>" + lines)
+    assert lines in whole
+    (tmp_path / "rock.dae").write_bytes(whole)
+    assert mesh_files.read(tmp_path / "rock.dae").volume == pytest.approx(ball().volume, rel=1e-5)
 
 
 def test_lengths_of_lists_may_be_written_with_a_point(tmp_path: Path) -> None:
@@ -201,9 +209,9 @@ def test_lengths_of_lists_may_be_written_with_a_point(tmp_path: Path) -> None:
         (
             "x.dae",
             lambda text: text.replace(b'count="1280"', b'count="1270"'),
-            "1270 parts of .*, of which 1280 read",
+            "1270 faces of .*, of which 1280 can",
         ),
-        ("x.dae", lambda text: re.sub(rb"( \d+){6}</p>", b"</p>", text), "1280 parts of "),
+        ("x.dae", lambda text: re.sub(rb"( \d+){6}</p>", b"</p>", text), "1280 faces of "),
         (
             "x.dae",
             lambda text: re.sub(rb" \S+</float_", b"</float_", text, count=1),
