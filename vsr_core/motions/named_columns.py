@@ -27,6 +27,7 @@ _WITH_UNIT = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\[(\])]*[\])])?")
 
 _DIGIT, _EXPONENT = re.compile(r"\d"), re.compile(r"[\d.][eE][-+\d]")
 _WORD = re.compile(r"\S+")
+_BLANK_EXPONENT = re.compile(r"(?<!\S)([-+]?\d*\.\d*) {4}(?=\s|$)")
 
 _FEW = 2
 """Lines out of column, or one in a hundred, among others that stand in columns."""
@@ -94,12 +95,15 @@ def _form(word: str) -> str:
 def refuse_cut_lines(lines: Sequence[str]) -> None:
     """Refuse a line that lost characters, where numbers end in columns wherever they begin.
 
-    So they do if hardly a line is shorter; one is longer where a number outgrows its column.
+    So they do if hardly a line is shorter; one is longer where a number outgrows its column, and
+    by Fortran's G four blanks follow a number without an exponent.
 
     Raises
     ------
     InvalidInput
     """
+    if any("E" in line for line in lines):
+        lines = [_BLANK_EXPONENT.sub(r"\1E+00", line) for line in lines]
     spans = [[word.span() for word in _WORD.finditer(line)] for line in lines]
     ends = [tuple(end for _, end in of) for of in spans]
     usual = Counter(ends).most_common(1)[0][0] if ends else ()
@@ -119,7 +123,8 @@ def refuse_cut_lines(lines: Sequence[str]) -> None:
 def refuse_lost_exponents(words: Sequence[str], values: Array) -> None:
     """Refuse numbers without an exponent where others, of any size, have one.
 
-    Programs that write it where it makes a number shorter do so below 1e-4, or R of 5e-04.
+    Programs that write it where it makes a number shorter do so below 1e-4, or R of 5e-04; Fortran
+    below 0.1, by G and by ``*``.
 
     Parameters
     ----------
@@ -130,8 +135,11 @@ def refuse_lost_exponents(words: Sequence[str], values: Array) -> None:
     InvalidInput
     """
     with_one = np.array(["e" in word or "E" in word for word in words], bool)
-    always = with_one & (np.abs(values) >= 1e-3) & (np.abs(values) < 1e5)
-    if always.any() and (bare := ~with_one & (np.abs(values) > 0.0)).any():
+    size = np.abs(values)
+    always = with_one & (size >= 1e-3) & (size < 1e5)
+    bare = ~with_one & (size > 0.0)
+    by_size = (size[always] < 0.1).all() and (size[bare] >= 0.1).all()
+    if always.any() and bare.any() and not by_size:
         one, other = (words[int(found.argmax())].strip() for found in (bare, always))
         given = f"{one} without an exponent, which others have, as {other}"
         raise InvalidInput(given, "all numbers are formed alike", "write the file again")

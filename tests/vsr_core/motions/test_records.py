@@ -576,21 +576,31 @@ def test_numbers_that_outgrow_their_columns_are_read(form: str, each: int) -> No
     assert len(found.acceleration) == 400
 
 
-def test_sac_of_text_as_fortran_writes_it_is_read() -> None:
+def by_fortran(value: float) -> str:
     """By G15.7: four blanks follow where no exponent stands."""
+    size = abs(value)
+    if not 0.1 <= size < 1e7:
+        return f"{value:15.7E}"
+    return f"{value:11.{6 - math.floor(math.log10(size))}f}    "
+
+
+def test_sac_of_text_as_fortran_writes_it_is_read() -> None:
     pytest.importorskip("obspy")
-
-    def word(value: float) -> str:
-        size = abs(value)
-        if not 0.1 <= size < 1e7:
-            return f"{value:15.7E}"
-        return f"{value:11.{6 - math.floor(math.log10(size))}f}    "
-
     lines = sac_text().splitlines()[:30]
-    words = [word(float(one)) for one in VALUES]
+    words = [by_fortran(float(one)) for one in VALUES]
     lines += ["".join(words[at : at + 5]) for at in range(0, len(words), 5)]
     found = read("\n".join([*lines, ""]).encode(), ".sac", Reading(unit="m/s2"))
     np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6)
+
+
+@pytest.mark.parametrize("peak", [0.05, 0.101, 0.4, 4.0])
+def test_at2_as_fortran_writes_it_is_read(peak: float) -> None:
+    values = VALUES * peak / np.abs(VALUES).max()
+    words = [by_fortran(float(one)) for one in values]
+    lines = [*files.at2(VALUES, STEP).splitlines()[:4]]
+    lines += ["".join(words[at : at + 5]) for at in range(0, len(words), 5)]
+    found = read("\n".join([*lines, ""]).encode(), ".at2", PLAIN)
+    np.testing.assert_allclose(found.acceleration, values * GRAVITY, rtol=1e-6)
 
 
 def test_cosmos_series_of_other_quantities_are_passed_over() -> None:
