@@ -5,17 +5,17 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections import Counter
 from functools import partial
 from itertools import accumulate, takewhile
 from os import SEEK_CUR
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
-from xml.etree import ElementTree
 
 import numpy as np
 
 from pipeline.config.outside import check_regular
+from pipeline.stages.mesh import collada_files
+from pipeline.stages.mesh.collada_files import other_count
 from pipeline.workflow.grammar import listed
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
@@ -139,13 +139,13 @@ def _require_lines_of_ply(file: BinaryIO) -> None:
     elements = [at for at, line in enumerate(header) if line[:1] == [b"element"]]
     counts = [int(header[at][2]) for at in elements]
     if len(held) != sum(counts):
-        raise _other_count(f"{len(held)} lines where its header says {sum(counts)}")
+        raise other_count(f"{len(held)} lines where its header says {sum(counts)}")
     for at, count, last in zip(elements, counts, accumulate(counts), strict=True):
         of = takewhile(lambda line: line[:1] != [b"element"], header[at + 1 :])
         lists = [line[1] == b"list" for line in of if line[:1] == [b"property"]]
         if odd := next((one for one in held[last - count : last] if _numbers(one, lists)), None):
             what = b" ".join(odd)[:40].decode("latin-1")
-            raise _other_count(f"a line {what!r} of other numbers than its header says")
+            raise other_count(f"a line {what!r} of other numbers than its header says")
 
 
 def _numbers(line: list[bytes], lists: list[bool]) -> bool:
@@ -156,46 +156,14 @@ def _numbers(line: list[bytes], lists: list[bool]) -> bool:
     return at != len(line)
 
 
-def _require_counts_of_dae(file: BinaryIO) -> None:
-    """Refuse a COLLADA file whose numbers, or faces of a geometry, are not as many as it says.
-
-    What cannot be read of a geometry trimesh leaves out.
-    """
-    import collada
-
-    told = Counter[str]()
-    for _, one in ElementTree.iterparse(file):  # noqa: S314 (expat refuses texts that multiply)
-        name = one.tag.rpartition("}")[2]
-        if name == "geometry":
-            told[str(one.get("id"))] = sum(map(_faces, one.iter()))
-        elif name == "float_array" and len((one.text or "").split()) != int(one.get("count", -1)):
-            raise _other_count(f"{one.get('count')} numbers of which others are there")
-    file.seek(0)
-    found = collada.Collada(file, ignore=[collada.common.DaeError])
-    lines = collada.lineset.LineSet  # which trimesh has no use for
-    held = Counter[str]()
-    for geometry in found.geometries:
-        faces = [len(one) for one in geometry.primitives if not isinstance(one, lines)]
-        held[str(geometry.id)] = sum(faces)
-    if lost := next((name for name in told if told[name] != held[name]), None):
-        raise _other_count(f"{told[lost]} faces of {lost!r}, of which {held[lost]} can be read")
-
-
-def _faces(one: ElementTree.Element) -> int:
-    """How many faces a part of COLLADA says that it has."""
-    return int(one.get("count", 0)) if one.tag.rpartition("}")[2] in _SURFACES else 0
-
-
-_SURFACES = {"triangles", "polylist", "polygons", "trifans", "tristrips"}
-
-_WHOLE = {"glb": _require_plain_gltf, "ply": _require_lines_of_ply, "dae": _require_counts_of_dae}
+_WHOLE = {
+    "glb": _require_plain_gltf,
+    "ply": _require_lines_of_ply,
+    "dae": collada_files.require_whole,
+}
 
 _LINE = 10_000
 """Bytes of a line of PLY's header."""
-
-
-def _other_count(what: str) -> InvalidInput:
-    return InvalidInput(f"a file of {what}", "it holds as many as it says", "export it again")
 
 
 def _counted_from_the_first(text: bytes) -> bytes:

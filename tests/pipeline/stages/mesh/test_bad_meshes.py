@@ -180,6 +180,44 @@ def test_a_geometry_that_cannot_be_read_is_not_left_out(tmp_path: Path, lost: by
         mesh_files.read(tmp_path / "rock.dae")
 
 
+@pytest.mark.parametrize(
+    ("move", "words"),
+    [
+        ("<matrix>.5 0 0 0 0 .5 0 0 0 0 .5 0 0 0 0</matrix>", "matrix of .*16 numbers"),
+        ("<matrix>.5 0 0 0 0 .5 0 0 0 0 .5 0 0 0 0 2</matrix>", "the last of them 0 0 0 1"),
+        ("<scale>0.5 0.5</scale>", "scale of '0.5 0.5'; it has 3 numbers"),
+        ("<scale>0.5 0.5 x</scale>", "3 numbers"),
+        ("<translate>1 0 nan</translate>", "3 numbers"),
+        ("<rotate>0 0 2 90</rotate>", "an axis of length 1"),
+        ("<skew>30 1 0 0 0 1 0</skew>", "skewed"),
+        ('<instance_node url="#x"/>', "cannot be read"),
+        ('<instance_geometry url="#x"/>', "2 shapes in its scene, of which 1 can be read"),
+        ('<instance_controller url="#x"/>', "2 shapes in its scene, of which 1 can be read"),
+    ],
+)
+def test_a_part_of_a_scene_that_cannot_be_read_is_not_left_out(
+    tmp_path: Path, move: str, words: str
+) -> None:
+    whole = export_collada(ball())
+    at = whole.rindex(b"<instance_geometry")
+    (tmp_path / "rock.dae").write_bytes(whole[:at] + move.encode() + whole[at:])
+    with pytest.raises(InvalidInput, match=words):
+        mesh_files.read(tmp_path / "rock.dae")
+
+
+def test_moves_of_a_scene_count(tmp_path: Path) -> None:
+    """Half as large, turned, and there twice by a name."""
+    whole = export_collada(ball())
+    start, end = whole.rindex(b"<node"), whole.rindex(b"</node>") + 7
+    half = b'<node id="twice"><scale>0.5 0.5 0.5</scale><rotate>0 0.6 0.8 30</rotate>'
+    more = b'</node><node><translate>9 0 0</translate><instance_node url="#twice"/></node>'
+    (tmp_path / "rock.dae").write_bytes(
+        whole[:start] + half + whole[start:end] + more + whole[end:]
+    )
+    found = mesh_files.read(tmp_path / "rock.dae")
+    assert found.volume == pytest.approx(2.0 * 0.125 * ball().volume, rel=1e-5)
+
+
 def test_guiding_lines_beside_a_rock_are_left_out(tmp_path: Path) -> None:
     lines = b'<geometry id="guide"><mesh><linestrips count="1"/></mesh></geometry>'
     whole = export_collada(ball()).replace(b"<library_geometries>", b"<library_geometries>" + lines)

@@ -1,0 +1,141 @@
+"""Whether a COLLADA file can be read whole: trimesh leaves out what it cannot read.
+
+Names of parts are those of "COLLADA - Digital Asset Schema Release 1.4.1" (Khronos Group, 2008).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+from functools import cache
+from typing import Any, BinaryIO
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+from vsr_core.errors import InvalidInput
+
+_SURFACES = {"triangles", "polylist", "polygons", "trifans", "tristrips"}
+
+_NUMBERS = {"lookat": 9, "matrix": 16, "rotate": 4, "scale": 3, "translate": 3}
+_MOVES = {name: f"{number} numbers" for name, number in _NUMBERS.items()} | {
+    "matrix": "16 numbers, the last of them 0 0 0 1",
+    "rotate": "4 numbers: an axis of length 1, and degrees",
+}
+"""What moves a node."""
+
+_OFF_ONE = 1e-4
+"""Rounding of the length of an axis, by which a rock changes its size twice."""
+
+_SHAPES = {"instance_geometry", "instance_controller"}
+
+_MOST_SHAPES = 100_000
+"""In a scene, each as often as it is there."""
+
+
+def require_whole(file: BinaryIO) -> None:
+    """Refuse a file whose numbers, faces, moves or shapes are not as many as it says.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    import collada
+
+    tree = ElementTree.parse(file).getroot()  # noqa: S314 (expat refuses texts that multiply)
+    for one in tree.iter():
+        if _name(one) == "float_array" and len(_words(one)) != int(one.get("count", -1)):
+            raise other_count(f"{one.get('count')} numbers of which others are there")
+        if _name(one) == "node":
+            _check_moves(one)
+    file.seek(0)
+    found = collada.Collada(file, ignore=[collada.common.DaeError])
+    _require_faces(tree, found)
+    told, held = _told_shapes(tree), _held_shapes(found.scene.nodes)
+    if told != held or told > _MOST_SHAPES:
+        raise other_count(f"{told} shapes in its scene, of which {held} can be read")
+
+
+def other_count(what: str) -> InvalidInput:
+    """Of a file that does not hold as much as it says."""
+    return InvalidInput(f"a file of {what}", "it holds as many as it says", "export it again")
+
+
+def _name(one: Element) -> str:
+    return one.tag.rpartition("}")[2]
+
+
+def _words(one: Element) -> list[str]:
+    return (one.text or "").split()
+
+
+def _check_moves(node: Element) -> None:
+    for one in node:
+        name = _name(one)
+        if name == "skew":
+            raise InvalidInput("a node that is skewed", "it is not", "export it without")
+        if name in _MOVES and not _is_move(name, words := _words(one)):
+            given = f"a {name} of {' '.join(words)[:40]!r}"
+            raise InvalidInput(given, f"it has {_MOVES[name]}", "export it again")
+
+
+def _is_move(name: str, words: list[str]) -> bool:
+    """Whether numbers are those of a move; pycollada takes the length of an axis to be 1."""
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        return False
+    if len(values) != _NUMBERS[name] or not all(map(math.isfinite, values)):
+        return False
+    if name == "matrix":
+        return values[12:] == [0.0, 0.0, 0.0, 1.0]
+    return name != "rotate" or abs(math.hypot(*values[:3]) - 1.0) < _OFF_ONE
+
+
+def _require_faces(tree: Element, found: Any) -> None:
+    import collada
+
+    told, held = Counter[str](), Counter[str]()
+    for one in tree.iter():
+        if _name(one) == "geometry":
+            parts = [part for part in one.iter() if _name(part) in _SURFACES]
+            told[str(one.get("id"))] = sum(int(part.get("count", 0)) for part in parts)
+    lines = collada.lineset.LineSet  # which trimesh has no use for
+    for geometry in found.geometries:
+        faces = [len(one) for one in geometry.primitives if not isinstance(one, lines)]
+        held[str(geometry.id)] = sum(faces)
+    if lost := next((name for name in told if told[name] != held[name]), None):
+        raise other_count(f"{told[lost]} faces of {lost!r}, of which {held[lost]} can be read")
+
+
+def _told_shapes(tree: Element) -> int:
+    """Shapes in the scene, by the file's text."""
+    named = {one.get("id"): one for one in tree.iter() if _name(one) in ("node", "visual_scene")}
+    shown = (one for one in tree.iter() if _name(one) == "instance_visual_scene")
+    scene = named[next(shown).get("url", "").removeprefix("#")]
+
+    @cache
+    def shapes(one: Element) -> int:
+        if _name(one) in _SHAPES:
+            return 1
+        if _name(one) == "instance_node":
+            return shapes(named[one.get("url", "").removeprefix("#")])
+        return sum(shapes(part) for part in one if _name(part) in {*_SHAPES, *_NODES})
+
+    return shapes(scene)
+
+
+_NODES = {"node", "instance_node"}
+
+
+def _held_shapes(nodes: Iterable[Any]) -> int:
+    """Shapes in the scene that trimesh reads: of geometries, not of controllers."""
+    import collada
+
+    @cache
+    def shapes(node: Any) -> int:
+        if isinstance(node, collada.scene.GeometryNode):
+            return 1
+        return sum(map(shapes, node.children)) if isinstance(node, collada.scene.Node) else 0
+
+    return sum(map(shapes, nodes))
