@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element
 
 from vsr_core.errors import InvalidInput
 
-_SURFACES = {"triangles", "polylist", "polygons", "trifans", "tristrips"}
+_SURFACES, _STRIPS = {"triangles", "polylist", "polygons"}, {"trifans", "tristrips"}
 
 _NUMBERS = {"lookat": 9, "matrix": 16, "rotate": 4, "scale": 3, "translate": 3}
 _MOVES = {name: f"{number} numbers" for name, number in _NUMBERS.items()} | {
@@ -53,7 +53,9 @@ def require_whole(file: BinaryIO) -> None:
     _require_faces(tree, found)
     told, held = _told_shapes(tree), _held_shapes(found.scene.nodes)
     if told != held or told > _MOST_SHAPES:
-        raise other_count(f"{told} shapes in its scene, of which {held} can be read")
+        given = f"a file of {told} shapes in its scene, of which {held} can be read"
+        remedy = "export it again, without materials, of which one may be missing"
+        raise InvalidInput(given, "it holds as many as it says", remedy)
 
 
 def other_count(what: str) -> InvalidInput:
@@ -98,14 +100,26 @@ def _require_faces(tree: Element, found: Any) -> None:
     told, held = Counter[str](), Counter[str]()
     for one in tree.iter():
         if _name(one) == "geometry":
-            parts = [part for part in one.iter() if _name(part) in _SURFACES]
-            told[str(one.get("id"))] = sum(int(part.get("count", 0)) for part in parts)
+            told[str(one.get("id"))] = sum(map(_faces, one.iter()))
     lines = collada.lineset.LineSet  # which trimesh has no use for
     for geometry in found.geometries:
         faces = [len(one) for one in geometry.primitives if not isinstance(one, lines)]
         held[str(geometry.id)] = sum(faces)
     if lost := next((name for name in told if told[name] != held[name]), None):
         raise other_count(f"{told[lost]} faces of {lost!r}, of which {held[lost]} can be read")
+
+
+def _faces(part: Element) -> int:
+    """Faces of a part of a geometry; in a strip or fan, each has two corners of the one before."""
+    if _name(part) in _SURFACES:
+        return int(part.get("count", 0))
+    if _name(part) not in _STRIPS:
+        return 0
+    each = 1 + max(int(one.get("offset", 0)) for one in part if _name(one) == "input")
+    corners = [len(_words(one)) // each for one in part if _name(one) == "p"]
+    if len(corners) != int(part.get("count", 0)):
+        raise other_count(f"{part.get('count')} strips or fans, of which others are there")
+    return sum(corners) - 2 * len(corners)
 
 
 def _told_shapes(tree: Element) -> int:

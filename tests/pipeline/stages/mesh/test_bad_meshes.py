@@ -218,6 +218,22 @@ def test_moves_of_a_scene_count(tmp_path: Path) -> None:
     assert found.volume == pytest.approx(2.0 * 0.125 * ball().volume, rel=1e-5)
 
 
+def test_strips_and_fans_are_counted_by_their_faces(tmp_path: Path) -> None:
+    """An octahedron of two fans about its poles."""
+    points = [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
+    fans = [[4, 0, 1, 2, 3, 0], [5, 0, 3, 2, 1, 0]]
+    faces = [[fan[0], *fan[at : at + 2]] for fan in fans for at in range(1, 5)]
+    whole = export_collada(trimesh.Trimesh(points, faces, process=False))
+    both = "".join(f"<p>{' '.join(f'{one} {one}' for one in fan)}</p>" for fan in fans)
+    text = re.sub(rb"<p>[^<]*</p>", both.encode(), whole)
+    text = text.replace(b"triangles", b"trifans").replace(b'count="8"', b'count="2"')
+    (tmp_path / "rock.dae").write_bytes(text)
+    assert mesh_files.read(tmp_path / "rock.dae").volume == pytest.approx(4.0 / 3.0)
+    (tmp_path / "rock.dae").write_bytes(re.sub(rb"</p><p>[^<]*</p>", b"</p>", text))
+    with pytest.raises(InvalidInput, match="2 strips or fans, of which others"):
+        mesh_files.read(tmp_path / "rock.dae")
+
+
 def test_guiding_lines_beside_a_rock_are_left_out(tmp_path: Path) -> None:
     lines = b'<geometry id="guide"><mesh><linestrips count="1"/></mesh></geometry>'
     whole = export_collada(ball()).replace(b"<library_geometries>", b"<library_geometries>" + lines)
