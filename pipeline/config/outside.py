@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import errno
 import io
+import json
 import mmap
 import os
 import re
@@ -207,6 +208,29 @@ def _check_lines(path: Path, text: str, most: int) -> None:
     if (longest := max(map(len, text.splitlines()), default=0)) > LONGEST_LINE:
         rule = f"at most {LONGEST_LINE:,}"
         raise refused(path, "", f"a line of {longest:,} characters", rule, "leave columns out")
+
+
+def by_key(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Values by their keys.
+
+    Raises
+    ------
+    ValueError
+        If a key stands there twice.
+    """
+    if len(found := dict(pairs)) < len(pairs):
+        raise ValueError("a key that stands there twice")
+    return found
+
+
+def of_json(text: str | bytes) -> Any:
+    """What a text of JSON holds, in no object of which a key stands twice.
+
+    Raises
+    ------
+    ValueError
+    """
+    return json.loads(text, object_pairs_hook=by_key)
 
 
 def lines_of(text: str) -> list[str]:

@@ -298,7 +298,32 @@ def _check_numbers(number: int) -> None:
 
 
 def _filled(variable: Any) -> Array:
+    check_range(variable)
     return np.asarray(np.ma.filled(variable[:].astype(np.float64), np.nan))
+
+
+_ROUNDED = 1e-5
+"""How far a range may be off, as a share: by six digits of text."""
+
+
+def check_range(variable: Any) -> None:
+    """Refuse numbers of NetCDF that are not of the range that the file states.
+
+    It is that of all numbers, unpacked, by "CF Metadata Conventions 1.11" (2023), appendix A.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    told = np.ravel(getattr(variable, "actual_range", ()))
+    if told.size != 2 or {told.dtype.kind, np.dtype(variable.dtype).kind} - {*"iuf"}:
+        return  # as none that is a number
+    values = np.ma.masked_invalid(variable[...], copy=False)
+    held = np.array([values.min(), values.max()]) if values.count() else told
+    if np.abs(held - told).max() > _ROUNDED * np.abs(told).max():
+        given = f"{variable.name} from {held[0]:g} to {held[1]:g}"
+        rule = f"the file's actual_range of it is {told[0]:g} to {told[1]:g}"
+        raise InvalidInput(given, rule, "correct the numbers, or leave out the attribute")
 
 
 def _name(word: str) -> tuple[str, str | None]:

@@ -7,7 +7,6 @@ writes them. ``full_lt`` is the logic tree, and ``weights`` those of its realiza
 from __future__ import annotations
 
 import ast
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.config.outside import refused
+from pipeline.config.outside import by_key, of_json, refused
 from pipeline.stages.hazard.hdf5_files import attribute, content
 from vsr_core.arrays import Array
 from vsr_core.errors import reason
@@ -69,7 +68,7 @@ def check_sites(path: Path, *counts: int) -> None:
 
 def described(data: Any, second: str) -> dict[str, Any]:
     """What an array of curves says of its axes, by name: how many there are of each, or which."""
-    told: dict[str, Any] = json.loads(attribute(data, "json"))
+    told: dict[str, Any] = of_json(attribute(data, "json"))
     axes = ["site_id", second, "imt", "lvl"]
     if told.get("shape_descr", axes) != axes:
         raise ValueError(f"{data.name[1:]} by {told['shape_descr']}")
@@ -81,21 +80,16 @@ def described(data: Any, second: str) -> dict[str, Any]:
     return told
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object of JSON, each of whose keys stands there once."""
-    if len(found := dict(pairs)) < len(pairs):
-        raise ValueError("a key that stands there twice")
-    return found
-
-
 def settings_of(file: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Parameters of the calculation, and the levels of each measure."""
     stored = content(file["oqparam"], _MOST_SETTINGS)
     if isinstance(stored, bytes):
-        settings = json.loads(stored, object_pairs_hook=_once)
+        settings = of_json(stored)
         return settings, settings["hazard_imtls"]
-    settings = {row[0].decode(): row[1].decode() for row in stored}
-    return settings, ast.literal_eval(settings["hazard_imtls"])
+    settings = by_key([(row[0].decode(), row[1].decode()) for row in stored])
+    levels: Any = ast.parse(settings["hazard_imtls"], mode="eval").body
+    pairs = zip(levels.keys, levels.values, strict=True)
+    return settings, by_key([(ast.literal_eval(one), ast.literal_eval(own)) for one, own in pairs])
 
 
 def paths_of(file: Any, settings: dict[str, Any], weights: Array) -> list[str]:

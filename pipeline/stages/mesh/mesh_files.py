@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import re
 from functools import partial
 from itertools import accumulate, takewhile
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from pipeline.config.outside import check_regular
+from pipeline.config.outside import check_regular, of_json
 from pipeline.stages.mesh import collada_files
 from pipeline.stages.mesh.collada_files import other_count
 from pipeline.workflow.grammar import listed
@@ -73,7 +72,7 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
 def _require_plain_gltf(file: BinaryIO) -> None:
     """Refuse what trimesh passes over: coordinates replaced, packed, made integers or deformed."""
     length = int.from_bytes(file.read(16)[12:], "little")
-    scene = json.loads(file.read(length + 4)[4:])
+    scene = of_json(file.read(length + 4)[4:])
     needed = [f"extension {name}" for name in scene.get("extensionsRequired", ())]
     if any("sparse" in accessor for accessor in scene.get("accessors", ())):
         needed.append("sparse accessors")

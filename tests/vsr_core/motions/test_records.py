@@ -366,6 +366,25 @@ def test_what_is_not_along_time_alone_is_told(tmp_path: Path) -> None:
     assert told == "left out, as not numbers along time alone: strong"
 
 
+@pytest.mark.parametrize("name", ["time", "acceleration"])
+def test_numbers_beside_the_range_that_netcdf_states_are_refused(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "one.nc"
+    files.netcdf(path, VALUES, STEP, "m/s2")
+    for change in ("none", "number", "range"):
+        with netCDF4.Dataset(path, "a") as file:
+            own = file[name]
+            if change == "none":
+                own.actual_range = [float(f"{one:.6g}") for one in (own[:].min(), own[:].max())]
+            elif change == "number":
+                own[-1] = 1.001 * own[:].max()
+            else:
+                own.actual_range = [own[:].min(), 2.0 * own[:].max()]
+        if change == "none":
+            assert len(read(path.read_bytes(), ".nc", PLAIN).acceleration) == len(VALUES)
+        else:
+            refusal(lambda: read(path.read_bytes(), ".nc", PLAIN), f"{name} from", "actual_range")
+
+
 def test_netcdf_with_groups_is_refused(tmp_path: Path) -> None:
     """What is in one was left out, and not told."""
     path = tmp_path / "one.nc"

@@ -24,7 +24,7 @@ from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions import even_times
 from vsr_core.motions.ground_motion import GroundMotion
-from vsr_core.motions.named_columns import check_format
+from vsr_core.motions.named_columns import check_format, check_range
 from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.records.columns import check_seconds
 from vsr_core.motions.records.components import ComponentMotion
@@ -249,6 +249,7 @@ def _opened(path: Path) -> xr.Dataset:
                 given, rule = f"{sizes[name]} numbers", f"it holds at most {most.get(name, _MOST)}"
                 raise refused(path, name, given, rule, "cut the tests to their shaking")
             for name, variable in variables:
+                check_range(variable)
                 _check_valid(path, name, variable)
         return xr.open_dataset(path, decode_times=False)
     except InputError:

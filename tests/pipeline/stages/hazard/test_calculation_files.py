@@ -79,6 +79,41 @@ def test_a_key_that_stands_twice_among_the_parameters_is_refused(tmp_path: Path)
         curve_folder.load(path)
 
 
+def of_older(change: Callable[[list[tuple[str, str]]], None]) -> Callable[[h5py.File], None]:
+    """Parameters as a table, changed."""
+
+    def put_changed(file: h5py.File) -> None:
+        table = [("hazard_imtls", repr(LEVELS)), ("investigation_time", repr(YEARS))]
+        change(table)
+        text = h5py.string_dtype()
+        put(file, "oqparam", np.array(table, dtype=[("par_name", text), ("par_value", text)]))
+
+    return put_changed
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        of_older(lambda table: table.append(("investigation_time", "1.0"))),
+        of_older(lambda table: table.append(table[0])),
+        of_older(
+            lambda table: table.insert(0, (table[0][0], f"{table.pop(0)[1][:-1]}, 'PGA': []}}"))
+        ),
+        lambda file: named(
+            file, '{"imt": ["PGA", "SA(1.0)", "PGV"], "imt": ["PGV", "SA(1.0)", "PGA"]}'
+        ),
+    ],
+)
+def test_what_stands_twice_in_a_calculation_is_refused(
+    tmp_path: Path, change: Callable[[h5py.File], None]
+) -> None:
+    path = written(tmp_path / "calc_7.hdf5", older=True)
+    with h5py.File(path, "r+") as file:
+        change(file)
+    with pytest.raises(InputError, match="a key that stands there twice"):
+        curve_folder.load(path)
+
+
 @pytest.mark.parametrize("changed", [False, True])
 def test_realizations_that_contradict_the_mean_of_the_file_are_told(
     tmp_path: Path, changed: bool

@@ -152,6 +152,7 @@ def test_records_that_were_replaced_are_read_again(tmp_path: Path) -> None:
         (counted([200, 200], "other"), "n_samples: .*whole number for each test"),
         (valid(valid_range=[-1.0, 1.0]), "acceleration: got .*; the file says -1 to 1 of it"),
         (valid(valid_max=1.0), "the file says -inf to 1 of it"),
+        (valid(actual_range=[-1.0, 1.0]), "the file's actual_range of it is -1 to 1"),
         (at_rate("100 Hz"), "beside a sampling_rate_hz of 100 Hz; they agree"),
         (at_rate([200.0, 100.0]), "beside a sampling_rate_hz of "),
         (at_rate(100.0), "time: got a step of 0.005 s beside a sampling_rate_hz of 100"),
@@ -182,6 +183,7 @@ def test_records_that_contradict_themselves(tmp_path: Path, change: Change, word
         at_rate([200.0, 200.0]),
         valid(valid_range=[-60.0, 60.0]),
         valid(valid_range="-60 to 60", valid_min="none"),
+        valid(actual_range="-60 to 60"),
         valid(valid_range=[-60.0, 60.0], missing_value=999.0),
     ],
 )
