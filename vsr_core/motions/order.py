@@ -79,9 +79,14 @@ def _on_one_side(motion: _Motion) -> bool:
     return low * high >= 0.0 or less < _WEAK * more
 
 
+_AT_REST = 0.02
+"""Share of its samples, at least, in which shaking is weak; about an offset it is so there, not at
+zero."""
+
+
 def _unsigned(motion: _Motion) -> str:
     size = np.abs(motion.values)
-    told = _on_one_side(motion) and size.min() < _WEAK * size.max()
+    told = _on_one_side(motion) and np.quantile(size, _AT_REST) < _WEAK * size.max()
     return "is on one side of zero and reaches it: minus signs may be lost" if told else ""
 
 
@@ -99,7 +104,9 @@ _SHAKES = 7
 
 
 def _to_one_side(motion: _Motion) -> str:
-    moving = motion.values[motion.values != 0.0]
+    has_offset = abs(motion.begin) > _WEAK * motion.peak  # as of an instrument
+    moving = motion.values - motion.begin if has_offset else motion.values
+    moving = moving[moving != 0.0]
     stretch = np.concatenate([[0], np.cumsum(np.diff(np.sign(moving)) != 0.0)])
     strong = np.abs(moving) > _STRONG * motion.peak
     told = strong | (np.abs(moving) < _WEAK * motion.peak)

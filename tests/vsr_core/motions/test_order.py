@@ -19,6 +19,9 @@ SIGNS = np.array([0.4, 1.0, 0.8, 0.6, 0.2])
     [
         (lambda values: values, []),
         (lambda values: values + 2.0 * np.abs(values).max(), []),  # an offset
+        (lambda values: values - 0.98 * values.min(), []),
+        (lambda values: values - 1.02 * values.min(), []),
+        (lambda values: values + 0.15 * values.max(), []),
         (np.sort, ["EW hardly turns: its samples may be sorted"]),
         (
             lambda values: np.array([float(one) for one in sorted(map(repr, values.tolist()))]),

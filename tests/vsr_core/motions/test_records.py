@@ -634,11 +634,24 @@ def test_cosmos_series_of_other_quantities_are_passed_over() -> None:
     np.testing.assert_allclose(read_cosmos(plain, None).acceleration, zeros, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "end", ["/&  ---------  End of data for channel  1  ---------", "END-OF-DATA"]
+)
+def test_cosmos_with_other_words_for_its_end_is_read(end: str) -> None:
+    text = files.cosmos((VALUES, 90), interval=STEP)
+    other = re.sub("End-of-data.*", end, text)
+    assert other != text
+    np.testing.assert_array_equal(
+        read_cosmos(other, None).acceleration, read_cosmos(text, None).acceleration
+    )
+
+
 def test_at2_in_one_line_and_of_old_line_ends_is_read() -> None:
     text = files.at2(VALUES, STEP)
     *header, samples = text.split("\n", 4)
     in_one = "\n".join([*header, " ".join(samples.split())])
-    for other in (in_one, f"{in_one}\n", text.replace("\n", "\r"), text.replace("\n", "\r\n")):
+    ends = ("\r", "\r\n", "\r\r\n")
+    for other in (in_one, f"{in_one}\n", *(text.replace("\n", end) for end in ends)):
         np.testing.assert_array_equal(
             read(other.encode(), ".AT2", PLAIN).acceleration,
             read(text.encode(), ".AT2", PLAIN).acceleration,
@@ -841,6 +854,13 @@ def test_counts_and_poles_that_lost_their_signs_are_told() -> None:
         assert lost != whole
         said = told(lost, lambda counts: counts)
         assert any(re.fullmatch(words.format(re.escape(name)), one) for one in said), said
+    whole_numbers = re.sub(
+        rb"(<Numerator[^>]*>)([^<]*)",
+        lambda one: one[1] + str(4096.0 * float(one[2])).encode(),
+        whole,
+    )
+    assert whole_numbers != whole
+    assert told(whole_numbers, lambda counts: counts) == []
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.2])

@@ -366,6 +366,7 @@ _BREAKS = dict.fromkeys(map(ord, "\v\f\x1c\x1d\x1e\x85\u2028\u2029"), " ")
 
 def _text(content: bytes) -> str:
     content = content.removeprefix(codecs.BOM_UTF8)
+    content = content.replace(b"\r\r\n", b"\n")  # an end of line made one for Windows, twice
     try:
         return content.decode("utf-8").translate(_BREAKS)
     except UnicodeDecodeError:

@@ -70,7 +70,7 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> tu
 def _doubts(response: Any, name: str) -> Iterator[str]:
     """Poles, zeros and coefficients that no instrument has, in words."""
     for stage in response.response_stages:
-        if abs((total := _sum(stage)) - 1.0) > _OFF_ONE:
+        if _OFF_ONE < abs((total := _sum(stage)) - 1.0) < _WHOLE_NUMBERS:
             yield f"coefficients of {name} sum to {total:.3g} and not to 1: signs may be lost"
         if str(getattr(stage, "pz_transfer_function_type", "")) in _LAPLACE:
             poles, zeros = (np.array(of, complex) for of in (stage.poles, stage.zeros))
@@ -100,6 +100,9 @@ def _conjugate(roots: Array) -> bool:
 _OFF_ONE = 0.05
 """How far the sum of a filter's coefficients may be from 1: in ObsPy's tests those of one station
 are farther."""
+
+_WHOLE_NUMBERS = 100.0
+"""From which on a sum is of coefficients in whole numbers, as 4096 of some stations of the USGS."""
 
 _SAME_ROOT = 1e-3
 """How far, by its size, a root may be from the conjugate of another: they are written in digits."""

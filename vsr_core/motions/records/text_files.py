@@ -160,7 +160,7 @@ _UNKNOWN = -999.0
 
 _TEXTS = re.compile(r"with\s+(\d+)\s+text\s+lines", re.IGNORECASE)
 _COUNT = re.compile(r"^\s*(\d+)\s+(\S+)")
-_END = re.compile("end-of-data", re.IGNORECASE)
+_END = re.compile(r"(/&[\s-]*)?end[- ]of[- ]data", re.IGNORECASE)
 _SCNL = re.compile(r"\|\s*<SCNL>\w+\.(\w+)\.")
 DIGITS = 9
 """Digits read of a number in a header: more than any file has lines."""
