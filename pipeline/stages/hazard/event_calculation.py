@@ -44,15 +44,15 @@ def tables(path: Path) -> EventTables:
         lon, lat = (calculation_file.numbers(file[f"sitecol/{name}"]) for name in ("lon", "lat"))
         weights = calculation_file.weights_of(file)
         names = calculation_file.paths_of(file, settings, weights)
-        times = [
+        years, sets = (
             calculation_file.number_of(settings[name])
             for name in ("investigation_time", "ses_per_logic_tree_path")
-        ]
-        unused = tuple(_other_number(file))
+        )
+        unused = tuple(_other_statements(file, years, sets, len(weights)))
     calculation_file.check_sites(path, lon.size, lat.size)
     return EventTables(
         dict.fromkeys(_KEYS, path),
-        tuple(map(str, times)),
+        (str(years), str(sets)),
         [
             checked(path, Realization, {"rlz_id": at, "branch_path": name, "weight": weight})
             for at, (name, weight) in enumerate(zip(names, weights.tolist(), strict=True))
@@ -63,12 +63,22 @@ def tables(path: Path) -> EventTables:
     )
 
 
-def _other_number(file: Any) -> Iterator[str]:
-    """Whether there are as many events as the shaking was computed for, in words."""
-    shaking, number = file["gmf_data"], len(file["events"])
-    told = attribute(shaking, "num_events") if "num_events" in shaking.attrs else number
-    if str(told) != str(number):
-        yield f"gmf_data is of {told} events, and the file has {number}: some may be lost"
+def _other_statements(file: Any, years: float, sets: float, realizations: int) -> Iterator[str]:
+    """What the shaking was computed for, where it is other than what the file has, in words."""
+    stated, number = file["gmf_data"], len(file["events"])
+    known = {
+        "num_events": (number, "events", "some may be lost"),
+        "investigation_time": (years, "years of a set", "one may be wrong"),
+        "effective_time": (years * sets * realizations, "years in all", "one may be wrong"),
+    }
+    for name, (own, what, doubt) in known.items():
+        told = float(attribute(stated, name)) if name in stated.attrs else own
+        if abs(told - own) > _ROUNDED * own:
+            yield f"gmf_data is of {told:.15g} {what}, and the file has {own:.15g}: {doubt}"
+
+
+_ROUNDED = 1e-6
+"""How far numbers may be apart, as a share."""
 
 
 def _parts(path: Path, name: str, row: type[Row]) -> Iterator[dict[str, Any]]:

@@ -476,17 +476,23 @@ def test_a_calculation_has_the_events_that_its_ruptures_say(tmp_path: Path) -> N
         event_files.load(path, None)
 
 
-@pytest.mark.parametrize("lost", [0, 5])
-def test_another_number_of_events_than_shaking_was_computed_for_is_told(
-    tmp_path: Path, lost: int
+@pytest.mark.parametrize("name", ["num_events", "investigation_time", "effective_time"])
+@pytest.mark.parametrize("share", [1.0, 1.2])
+def test_another_number_than_shaking_was_computed_for_is_told(
+    tmp_path: Path, name: str, share: float
 ) -> None:
+    """The time of all realizations is their number times that of one."""
     path = EventSet(400.0, ruptures=40).write_calculation(tmp_path / "calc_7.hdf5")
     with h5py.File(path, "r+") as file:
-        number = len(file["events"])
-        file["gmf_data"].attrs["num_events"] = number + lost
-    told = [line for line in event_files.load(path, None).model.unused if "may be lost" in line]
-    said = f"gmf_data is of {number + lost} events, and the file has {number}: some may be lost"
-    assert told == [said] * bool(lost)
+        number, realizations = len(file["events"]), len(file["weights"])
+        whole = {"num_events": number, "investigation_time": 1.0}
+        whole["effective_time"] = 400.0 * realizations
+        for one, value in whole.items():
+            file["gmf_data"].attrs[one] = value * (share if one == name else 1.0)
+    told = [line for line in event_files.load(path, None).model.unused if "gmf_data is" in line]
+    assert len(told) == (share != 1.0)
+    said = rf"gmf_data is of {whole[name] * share:g} .*, and the file has {whole[name]:g}: "
+    assert all(re.match(said, line) for line in told)
 
 
 def test_names_in_quotes_are_read(tmp_path: Path) -> None:
