@@ -5,6 +5,7 @@ Names of parts are those of "COLLADA - Digital Asset Schema Release 1.4.1" (Khro
 
 from __future__ import annotations
 
+import io
 import math
 from collections import Counter
 from collections.abc import Iterable
@@ -33,29 +34,40 @@ _MOST_SHAPES = 100_000
 """In a scene, each as often as it is there."""
 
 
-def require_whole(file: BinaryIO) -> None:
-    """Refuse a file whose numbers, faces, moves or shapes are not as many as it says.
+def without_pictures(file: BinaryIO) -> BinaryIO:
+    """A file's shapes alone: pycollada leaves out those whose material it cannot read.
 
     Raises
     ------
     InvalidInput
+        If its numbers, faces, moves or shapes are not as many as it says.
     """
     import collada
 
     tree = ElementTree.parse(file).getroot()  # noqa: S314 (expat refuses texts that multiply)
     for one in tree.iter():
+        for part in [part for part in one if _name(part) in _PICTURES]:
+            one.remove(part)
+    _check_unit(tree)
+    _check_names(tree)
+    for one in tree.iter():
         if _name(one) == "float_array" and len(_words(one)) != int(one.get("count", -1)):
             raise other_count(f"{one.get('count')} numbers of which others are there")
         if _name(one) == "node":
             _check_moves(one)
-    file.seek(0)
-    found = collada.Collada(file, ignore=[collada.common.DaeError])
+        if _name(one) == "mesh":
+            _check_order(one)
+    shapes = io.BytesIO(ElementTree.tostring(tree))
+    found = collada.Collada(shapes, ignore=[collada.common.DaeError])
     _require_faces(tree, found)
     told, held = _told_shapes(tree), _held_shapes(found.scene.nodes)
     if told != held or told > _MOST_SHAPES:
-        given = f"a file of {told} shapes in its scene, of which {held} can be read"
-        remedy = "export it again, without materials, of which one may be missing"
-        raise InvalidInput(given, "it holds as many as it says", remedy)
+        raise other_count(f"{told} shapes in its scene, of which {held} can be read")
+    shapes.seek(0)
+    return shapes
+
+
+_PICTURES = {"bind_material", "library_effects", "library_images", "library_materials"}
 
 
 def other_count(what: str) -> InvalidInput:
@@ -71,6 +83,44 @@ def _words(one: Element) -> list[str]:
     return (one.text or "").split()
 
 
+def _check_unit(tree: Element) -> None:
+    """Refuse a unit that is no length, or another than its name says; 1 m is taken for none."""
+    units = [one for part in tree if _name(part) == "asset" for one in part if _name(one) == "unit"]
+    for unit in units:
+        name, metres = str(unit.get("name")).lower(), unit.get("meter", "1")
+        known = [one for word, one in _LENGTHS.items() if name in (word, f"{word}s")]
+        is_known = _is_number(metres) and float(metres) > 0.0
+        if len(units) > 1 or not is_known or (float(metres) == 1.0 and known not in ([], [1.0])):
+            given = f"a unit {unit.get('name')!r} of {metres} m"
+            raise InvalidInput(given, "there is one, and a length", "export it in metres")
+
+
+_LENGTHS = {"millimeter": 1e-3, "centimeter": 1e-2, "meter": 1.0, "inch": 0.0254, "foot": 0.3048}
+
+
+def _check_order(mesh: Element) -> None:
+    """Refuse coordinates from another number on than the first, or with others between them."""
+    sources = [one for one in mesh if _name(one) == "source"]
+    for one in (one for source in sources for one in source.iter() if _name(one) == "accessor"):
+        parts = sum(_name(part) == "param" for part in one)
+        told = int(one.get("offset", 0)), int(one.get("stride", 1))
+        if told != (0, parts):
+            given = f"an accessor from {told[0]} on in steps of {told[1]}, of {parts} numbers"
+            rule = "its numbers stand one after the other, from the first on"
+            raise InvalidInput(given, rule, "export it again")
+
+
+def _check_names(tree: Element) -> None:
+    """Refuse two geometries of one name, or two sources within one."""
+    geometries = [one for one in tree.iter() if _name(one) == "geometry"]
+    meshes = [list(one) for one in tree.iter() if _name(one) == "mesh"]
+    for parts in (geometries, *meshes):
+        names = Counter(one.get("id") for one in parts if one.get("id"))
+        if twice := next((name for name, number in names.items() if number > 1), None):
+            given = f"two parts that are named {twice!r}"
+            raise InvalidInput(given, "a name is of one part", "export it again")
+
+
 def _check_moves(node: Element) -> None:
     for one in node:
         name = _name(one)
@@ -83,15 +133,19 @@ def _check_moves(node: Element) -> None:
 
 def _is_move(name: str, words: list[str]) -> bool:
     """Whether numbers are those of a move; pycollada takes the length of an axis to be 1."""
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
+    if len(words) != _NUMBERS[name] or not all(map(_is_number, words)):
         return False
-    if len(values) != _NUMBERS[name] or not all(map(math.isfinite, values)):
-        return False
+    values = [float(word) for word in words]
     if name == "matrix":
         return values[12:] == [0.0, 0.0, 0.0, 1.0]
     return name != "rotate" or abs(math.hypot(*values[:3]) - 1.0) < _OFF_ONE
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
 
 
 def _require_faces(tree: Element, found: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 from functools import partial
 from itertools import accumulate, takewhile
@@ -47,10 +48,10 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     kind = path.suffix[1:].lower()
     try:
         with path.open("rb") as file:
-            if kind in _WHOLE:
-                _WHOLE[kind](file)
+            if kind in _CHECKS:
+                _CHECKS[kind](file)
                 file.seek(0)
-            text = io.BytesIO(_counted_from_the_first(file.read())) if kind == "obj" else file
+            text = _REWRITTEN[kind](file) if kind in _REWRITTEN else file
             mesh = trimesh.load(text, file_type=kind, resolver={}, force="mesh", process=False)
     except InvalidInput:
         raise
@@ -63,9 +64,9 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     _require_faces_of_vertices(mesh)
     _require_fine_steps(mesh)
     if scale == 1.0 and mesh.units not in (None, "meters"):
-        unit = f"{mesh.units.split()[0]} m"
-        remedy = f"export it in metres, or say rock.scale: {unit[:-2]} of a rock"
-        raise InvalidInput(f"a unit of {unit} in the file", "it is the metre", remedy)
+        unit = f"{trimesh.units.unit_conversion(mesh.units, 'meters'):.10g}"
+        remedy = f"export it in metres, or say rock.scale: {unit} of a rock"
+        raise InvalidInput(f"a unit of {unit} m in the file", "it is the metre", remedy)
     return mesh.apply_scale(scale)
 
 
@@ -83,6 +84,13 @@ def _require_plain_gltf(file: BinaryIO) -> None:
         needed.append("a skin")
     if any("matrix" in node and node.keys() & _MOVES for node in nodes):
         needed.append("a matrix and another move of one node")
+    if any(node.get("matrix", _ONE)[3::4] != _ONE[3::4] for node in nodes):
+        needed.append("a matrix that does more than move")
+    if any(abs(math.hypot(*node.get("rotation", [1.0])) - 1.0) > _OFF_ONE for node in nodes):
+        needed.append("a rotation whose length is not 1")
+    parts = [part for mesh in scene.get("meshes", ()) for part in mesh.get("primitives", ())]
+    if {part.get("mode", _TRIANGLES) for part in parts} & {_STRIP, _FAN}:
+        needed.append("strips or fans of triangles")
     if needed:
         given = f"a glTF file that needs {listed(needed)}"
         raise InvalidInput(given, "its coordinates are plain", "export it without, or as .ply")
@@ -100,10 +108,11 @@ def _require_bounds(scene: dict[str, Any], data: bytes) -> None:
     for at in {part["POSITION"] for part in parts if "POSITION" in part}:
         accessor = scene["accessors"][at]
         points = _stored(scene, accessor, data)
-        if points is None or not isinstance(accessor.get("min"), list):
+        if points is None:
             continue
         held = np.array([points.min(axis=0), points.max(axis=0)])
-        told = np.array([accessor["min"], accessor["max"]])
+        bounds = accessor.get("min"), accessor.get("max")
+        told = np.array([one or its for one, its in zip(bounds, held.tolist(), strict=True)])
         if np.abs(held - told).max() > COARSEST * np.ptp(held, axis=0).max():
             given = f"coordinates from {held[0]} to {held[1]} that say {told[0]} to {told[1]}"
             raise InvalidInput(given, "bounds are those of the coordinates", "export it again")
@@ -123,6 +132,15 @@ def _stored(scene: dict[str, Any], accessor: dict[str, Any], data: bytes) -> Arr
 
 
 _MOVES = {"translation", "rotation", "scale"}
+
+_ONE = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+"""The matrix of a node that does not move, by columns."""
+
+_OFF_ONE = 1e-3
+"""Rounding of the length of a rotation."""
+
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+"""What the numbers of a primitive make."""
 
 _SINGLE = 5126
 """Numbers in single precision, of glTF."""
@@ -155,23 +173,18 @@ def _numbers(line: list[bytes], lists: list[bool]) -> bool:
     return at != len(line)
 
 
-_WHOLE = {
-    "glb": _require_plain_gltf,
-    "ply": _require_lines_of_ply,
-    "dae": collada_files.require_whole,
-}
-
 _LINE = 10_000
 """Bytes of a line of PLY's header."""
 
 
-def _counted_from_the_first(text: bytes) -> bytes:
+def _counted_from_the_first(file: BinaryIO) -> BinaryIO:
     """An OBJ text whose faces name no vertices by how far before the face they are.
 
     Such negative numbers count back from the face's own line ("Object Files", appendix B1 of the
     manual of Wavefront's Advanced Visualizer); trimesh counts from the end of the file. Those of
     textures and normals are left, as neither is used.
     """
+    text = file.read().replace(b"\t", b" ")  # which trimesh does not take for a blank
     text = b"\n" + re.sub(rb"\\\r?\n", b"", text.strip())  # without lines that go on in the next
     vertices, seen = range(1, 1), 0
 
@@ -179,9 +192,14 @@ def _counted_from_the_first(text: bytes) -> bytes:
         nonlocal vertices, seen
         more = text.count(b"\nv ", seen, line.start())
         vertices, seen = range(1, len(vertices) + more + 1), line.start()
-        return re.sub(rb"(?<=[ \t])-\d+", lambda back: b"%d" % vertices[int(back[0])], line[0])
+        return re.sub(rb"(?<= )-\d+", lambda back: b"%d" % vertices[int(back[0])], line[0])
 
-    return re.sub(rb"^f[ \t].*-.*", face, text, flags=re.MULTILINE)
+    return io.BytesIO(re.sub(rb"^f .*-.*", face, text, flags=re.MULTILINE))
+
+
+_CHECKS = {"glb": _require_plain_gltf, "ply": _require_lines_of_ply}
+
+_REWRITTEN = {"dae": collada_files.without_pictures, "obj": _counted_from_the_first}
 
 
 def _require_faces_of_vertices(mesh: trimesh.Trimesh) -> None:
