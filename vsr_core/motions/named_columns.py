@@ -8,6 +8,7 @@ import re
 from array import array
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from itertools import takewhile
 from typing import Any, NamedTuple
 
 import netCDF4
@@ -161,7 +162,7 @@ def of_text(text: str) -> list[Column]:
     r"""The columns of a table with a first line of names.
 
     Columns are separated by commas, semicolons, tabs or blanks; lines that begin with # are left
-    out.
+    out, but for names above a first line of numbers, as NumPy writes them.
 
     Raises
     ------
@@ -174,7 +175,7 @@ def of_text(text: str) -> list[Column]:
     [('time', None, [0.5]), ('x', 'mm', [7.0])]
     """
     check_size(max(map(text.count, "\n\r")))
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    lines = _with_names([line for line in text.splitlines() if line.strip()])
     if not lines:
         return []
     if (longest := max(map(len, lines))) > LONGEST_LINE:
@@ -209,6 +210,22 @@ def of_text(text: str) -> list[Column]:
         for at, values in enumerate(table):
             refuse_lost_exponents([line.split(separator)[at] for line in lines[1:]], values)
     return [Column(*name, values) for name, values in zip(names, table, strict=True)]
+
+
+def _with_names(lines: list[str]) -> list[str]:
+    """Lines of a table from that of its names on, which may be the last remark above it."""
+    above = list(takewhile(lambda line: line.startswith("#"), lines))
+    first = lines[len(above) : len(above) + 1]
+    if above and first and _are_numbers(first[0]):
+        first.insert(0, above[-1].lstrip("# "))
+    return [*first, *(line for line in lines[len(above) + 1 :] if not line.startswith("#"))]
+
+
+def _are_numbers(line: str) -> bool:
+    try:
+        return bool([plain_number(word) for word in re.split(r"[,;\s]+", line.strip())])
+    except ValueError:
+        return False
 
 
 def of_netcdf(content: bytes) -> NetCDF:

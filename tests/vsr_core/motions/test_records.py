@@ -169,6 +169,19 @@ def test_table_with_its_unit_in_the_heading(heading: str, one: float) -> None:
     np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize("mark", [" ", ","])
+def test_a_heading_behind_a_remark_is_read(mark: str) -> None:
+    """As ``numpy.savetxt`` writes it."""
+    told = io.BytesIO()
+    table = np.column_stack([STEP * np.arange(len(VALUES)), VALUES])
+    np.savetxt(told, table, delimiter=mark, header=f"made up\ntime [s]{mark}acceleration [m/s2]")
+    found = read(told.getvalue(), ".csv", PLAIN)
+    np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-12)
+    without = told.getvalue().replace(b"# time [s]", b"# nothing\n#")
+    with pytest.raises(InvalidInput, match="each row has|time"):
+        read(without, ".csv", PLAIN)
+
+
 def test_a_heading_of_two_units_is_refused() -> None:
     for name in ("acceleration [m/s2]", "acceleration m/s2", "acc in m/s2", "acc_m/s2"):
         text = files.csv(VALUES, STEP, f"{name} (g)")
@@ -639,7 +652,7 @@ def test_cosmos_series_of_other_quantities_are_passed_over() -> None:
 )
 def test_cosmos_with_other_words_for_its_end_is_read(end: str) -> None:
     text = files.cosmos((VALUES, 90), interval=STEP)
-    other = re.sub("End-of-data.*", end, text)
+    other = re.sub("End-of-data.*", end, text).replace("Format=(8F10.4)", "Format=(8F10.4E)")
     assert other != text
     np.testing.assert_array_equal(
         read_cosmos(other, None).acceleration, read_cosmos(text, None).acceleration
@@ -1195,6 +1208,17 @@ def test_bytes_that_are_no_records_of_a_miniseed_are_refused(length: int) -> Non
         told = f"records end at byte {end}"
         refusal(lambda content=filled: read(content, ".mseed", how), told)
     assert len(read(whole[:end], ".mseed", how).acceleration) < 8000  # nothing of it tells
+
+
+def test_records_of_miniseed_without_samples_are_passed_over() -> None:
+    """One that is blank but for its number, and one whose header says that it has none."""
+    whole, how = miniseed(512), Reading(unit="m/s2")
+    sound = read(whole, ".mseed", how)
+    none = bytearray(whole[:512])
+    none[30:32] = b"\0\0"
+    for more in (b"001002" + b" " * 506, b"001002D" + b" " * 505, bytes(none)):
+        found = read(whole + more, ".mseed", how)
+        np.testing.assert_array_equal(found.acceleration, sound.acceleration)
 
 
 @pytest.mark.parametrize("encoding", ["STEIM1", "STEIM2"])

@@ -65,6 +65,7 @@ def read_waveforms(
                 stream[0].stats.sampling_rate = rate  # of which ObsPy takes the whole part
             if kind == "MSEED":
                 odd = miniseed.checked(content, sum(len(trace) for trace in stream))
+                stream.traces = [trace for trace in stream if len(trace)]
             if kind == "SACXY":
                 if not content.endswith(b"\n"):
                     given = "a SAC file of text whose last line has no end"

@@ -18,7 +18,8 @@ DRIFT = 1.0
 
 _ORDER: dict[str, Literal["big", "little"]] = {">": "big", "<": "little"}
 
-_BLANK = re.compile(rb"[0-9]{6}D {41,}")
+_BLANK = re.compile(rb"[0-9]{6}[D ] {41,}")
+"""A record without data."""
 
 _Spans = list[tuple[float, int, float]]  # start [s], number of samples, their rate [1/s]
 
@@ -44,9 +45,8 @@ def checked(content: bytes, read: int) -> list[str]:
     whole, end = io.BytesIO(content), 0
     channels = defaultdict[tuple[str, ...], _Spans](list)
     forms = defaultdict[str, set[tuple[object, ...]]](set)
-    while end < len(content) and BEGIN.match(content, end):
-        blank = _BLANK.match(content, end)  # a record without data
-        if blank:
+    while BEGIN.match(content, end) or _BLANK.match(content, end):
+        if blank := _BLANK.match(content, end):
             length = len(blank[0])
         else:
             told = util.get_record_information(whole, end)

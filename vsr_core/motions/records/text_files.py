@@ -178,7 +178,7 @@ _PLAIN_WORDS = ("0", "-0", "-999")
 _QUANTITIES = {1: "accel", 2: "veloc", 3: "displ"}
 """What integer 2 of a header says, as titles and headings begin it."""
 
-_FORMAT = re.compile(r"\(\s*(\d+)\s*[IFE]\s*(\d+)(?:\.(\d+))?\s*\)", re.IGNORECASE)
+_FORMAT = re.compile(r"\(\s*(\d+)\s*[IFE]\s*(\d+)(?:\.(\d+)E?)?\s*\)", re.IGNORECASE)
 
 
 def is_cosmos(start: str) -> bool:
