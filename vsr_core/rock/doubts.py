@@ -15,6 +15,9 @@ STANDS_OUT, LEAST = 2.0, 0.05
 there; and the share of the surface's size below which that is not told. A corner of a box is as
 far, and of 32,000 vertices of three scans three are farther, by less than that share."""
 
+POINTED = np.radians(240.0)
+"""Sum of the angles of faces about such a vertex at most; about a corner of a box it is 270 deg."""
+
 SHARP, FOLDED = np.radians(135.0), 0.2
 """Angle between faces that lie back to back; and the length of such edges by the size of a rock:
 0.09 of three scans at most."""
@@ -48,7 +51,9 @@ def spikes(mesh: trimesh.Trimesh) -> Iterator[str]:
     middle = np.add.reduceat(vertices[beside], np.append(0, ends[:-1]))
     middle /= np.diff(ends, prepend=0)[:, None]
     least, out = LEAST * float(np.max(mesh.extents)), []
-    for at in np.flatnonzero(np.linalg.norm(vertices - middle, axis=1) > least):
+    angles = np.bincount(mesh.faces.ravel(), mesh.face_angles.ravel(), number)
+    far = np.linalg.norm(vertices - middle, axis=1) > least
+    for at in np.flatnonzero(far & (angles < POINTED)):
         around = vertices[beside[ends[at - 1] if at else 0 : ends[at]]]
         centre = np.median(around, axis=0)
         away = float(np.linalg.norm(vertices[at] - centre))

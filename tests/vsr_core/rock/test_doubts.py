@@ -25,6 +25,10 @@ def stone() -> trimesh.Trimesh:
         trimesh.creation.box((1.0, 0.5, 3.0)),
         trimesh.creation.cylinder(0.3, 2.0),
         trimesh.creation.uv_sphere(),
+        trimesh.creation.box((0.89, 0.16, 0.06)),
+        trimesh.creation.extrude_triangulation(
+            [[0, 0], [2, 0], [2, 1], [0, 3]], [[0, 1, 2], [0, 2, 3]], 0.2
+        ),
         trimesh.Trimesh(*double_rock()),
     ],
 )
