@@ -198,6 +198,8 @@ def _merged(vertices: Array, faces: Indices, notes: list[str]) -> tuple[Indices,
 def with_area(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
     """Faces that lie on a line turned about their longest side, into the face beyond it.
 
+    Of several beside each other those are first that have one of area beyond that side.
+
     Returns
     -------
     ndarray of int, shape (k, 3)
@@ -205,6 +207,24 @@ def with_area(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
     flat = np.flatnonzero(areas(vertices, faces) <= SAME_POINT**2)
     if len(flat) == 0:
         return faces
+    number = len(flat)
+    while len(flat) and len(found := _turned(vertices, faces, flat)):
+        faces = faces.copy()
+        one, other = found.T
+        apex = faces[one // 3, (one % 3 + 2) % 3]
+        beyond = faces[other // 3, (other % 3 + 2) % 3]
+        start, end = ends(faces, other).T
+        faces[one // 3] = np.column_stack([start, apex, beyond])
+        faces[other // 3] = np.column_stack([apex, end, beyond])
+        before, flat = len(flat), np.flatnonzero(areas(vertices, faces) <= SAME_POINT**2)
+        if len(flat) == before:
+            break
+    notes.append(f"{number} faces without area repaired, {len(flat)} of them dropped")
+    return np.delete(faces, flat, axis=0)
+
+
+def _turned(vertices: Array, faces: Indices, flat: Indices) -> Indices:
+    """Longest sides of faces without area, shape (k, 2), each with that of the face beyond it."""
     found = edges(faces).pairs
     own = np.isin(found // 3, flat)
     found = np.concatenate([found[own[:, 0]], found[own[:, 1]][:, ::-1]])
@@ -213,17 +233,7 @@ def with_area(vertices: Array, faces: Indices, notes: list[str]) -> Indices:
     longest[flat] = 3 * flat + np.argmax(lengths, axis=1)
     found = found[longest[found[:, 0] // 3] == found[:, 0]]
     found = found[~np.isin(found[:, 1] // 3, flat)]
-    found = found[np.unique(found[:, 1] // 3, return_index=True)[1]]
-    faces = faces.copy()
-    one, other = found.T
-    apex = faces[one // 3, (one % 3 + 2) % 3]
-    beyond = faces[other // 3, (other % 3 + 2) % 3]
-    start, end = ends(faces, other).T
-    faces[one // 3] = np.column_stack([start, apex, beyond])
-    faces[other // 3] = np.column_stack([apex, end, beyond])
-    left = areas(vertices, faces) <= SAME_POINT**2
-    notes.append(f"{len(flat)} faces without area repaired, {int(left.sum())} of them dropped")
-    return faces[~left]
+    return found[np.unique(found[:, 1] // 3, return_index=True)[1]]
 
 
 def _manifold(vertices: Array, faces: Indices, notes: list[str]) -> Indices:

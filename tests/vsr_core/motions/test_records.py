@@ -178,7 +178,7 @@ def test_a_heading_behind_a_remark_is_read(mark: str) -> None:
     found = read(told.getvalue(), ".csv", PLAIN)
     np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-12)
     without = told.getvalue().replace(b"# time [s]", b"# nothing\n#")
-    with pytest.raises(InvalidInput, match="each row has|time"):
+    with pytest.raises(InvalidInput, match=r"each row has|time"):
         read(without, ".csv", PLAIN)
 
 

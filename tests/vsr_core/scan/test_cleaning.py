@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import trimesh
 
 from vsr_core.errors import InvalidInput
-from vsr_core.scan.cleaning import clean
+from vsr_core.scan.cleaning import clean, with_area
 from vsr_core.scan.cuts import Box
 from vsr_core.scan.preparation import prepare_scan
 from vsr_core.scan.weighing import Refused
@@ -82,3 +84,24 @@ def test_a_scan_whose_faces_all_have_a_corner_that_is_not_finite(
     )
     with pytest.raises(InvalidInput, match="without a face between three finite points"):
         clean(fan, alone=alone)
+
+
+@pytest.mark.parametrize("points", [1, 2, 5])
+def test_an_edge_closed_by_faces_without_area_is_closed(points: int) -> None:
+    """Points on the edge of a box that one of its two faces has, and the other has not."""
+    box = trimesh.creation.box((1.0, 1.0, 2.0))
+    a, b, c = box.faces[0]
+    share = np.linspace(0.0, 1.0, points + 2)[1:-1, None]
+    vertices = np.concatenate(
+        [box.vertices, (1.0 - share) * box.vertices[a] + share * box.vertices[b]]
+    )
+    line = [a, *range(len(box.vertices), len(vertices)), b]
+    fan = [[one, other, c] for one, other in pairwise(line)]
+    flat = [[a, other, one] for one, other in pairwise(line[1:])]
+    faces = np.concatenate([box.faces[1:], fan, flat])
+    notes: list[str] = []
+    found = trimesh.Trimesh(vertices, with_area(vertices, faces, notes), process=False)
+    assert notes == [f"{points} faces without area repaired, 0 of them dropped"]
+    assert found.is_watertight
+    assert found.volume == pytest.approx(2.0)
+    assert found.area_faces.min() > 1e-3
