@@ -625,6 +625,21 @@ def test_another_age_in_the_archive_is_told(
 
 
 @pytest.mark.slow
+def test_two_rocks_of_an_archive_that_topple_alike_are_told(
+    vsr: Callable[..., Ran], write_site: Callable[..., str]
+) -> None:
+    """As one that is there by two names, with its sides exchanged."""
+    age = "age: {kind: bounds, low: 300, high: 500}"
+    rocks = ", ".join(f"{{site: {name}, archive: rocks.csv, {age}}}" for name in ("A", "B"))
+    path = write_site(BOX + GRID + HAZARD)
+    for other, number in (("12,10,0.5,0.4", 1), ("12,10.5,0.5,0.4", 0)):
+        text = f"name,alpha_1_deg,alpha_2_deg,r_1_m,r_2_m\nA,10,12,0.4,0.5\nB,{other}\n"
+        Path(path).with_name("rocks.csv").write_text(text, encoding="utf-8")
+        ran = vsr("plan", "hazard", "--site", path, "--set", f"hazard.rocks=[{rocks}]")
+        said = "hazard.rocks: B topples as A does, in either direction"
+        assert (ran.code, ran.err.count(said)) == (cli.DONE, number), ran.err
+
+
 def test_a_rock_of_an_archive_stands_beside_that_of_the_site(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
 ) -> None:
@@ -879,9 +894,16 @@ def test_rocks_that_differ_in_nothing_that_counts_are_told(
     said = "hazard.rocks: other is as rock in shape, settings and runs"
     ran = vsr("plan", "hazard", "--site", path, "--set", rocks)
     assert (ran.code, ran.err.count(said)) == (cli.DONE, 1), ran.err
-    other = write_site(BOX + GRID + "contact: {friction: 0.3}\n", name="other")
-    ran = vsr("plan", "hazard", "--site", path, "--set", rocks)
-    assert (ran.code, ran.err.count(said)) == (cli.DONE, 0), ran.err
+    told = "hazard.rocks: other is the rock of rock with other settings"
+    slippery, turned = (
+        f"{BOX}contact: {{friction: 0.3}}\n{GRID}",
+        BOX + GRID.replace("0, 90", "90, 0"),
+    )
+    for text, number in ((slippery, 1), (turned, 1), (BOX.replace("1.2", "1.3") + GRID, 0)):
+        other = write_site(text, name="other")
+        ran = vsr("plan", "hazard", "--site", path, "--set", rocks)
+        assert (ran.code, ran.err.count(said)) == (cli.DONE, 0), ran.err
+        assert ran.err.count(told) == number, ran.err
 
 
 def test_a_setting_that_a_comparison_cannot_have_is_refused_by_its_name(

@@ -119,6 +119,10 @@ class _Code(CompileResultCacheImpl):
     def __init__(self) -> None:
         pass
 
+    def check_cachable(self, cres: Any) -> bool:
+        """Whether it is the same in each process; with NUMBA_OPT=0 it has places in memory."""
+        return not cres.library.has_dynamic_globals and all(one.can_cache for one in cres.lifted)
+
 
 class _KeptCode(FunctionCache):
     """Machine code of a function: a sealed file for each kind of arguments."""

@@ -10,7 +10,7 @@ from scipy.stats import rankdata
 from pipeline.config.sections import LARGEST_RATIO, LEAST_RATIO, STRONG_PGA
 from pipeline.stages.hazard.hazard_model import UNITS
 from pipeline.workflow.grammar import counted
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Indices
 from vsr_core.motions.order import repeated
 
 _FEWEST, _FOLLOWS = 100, 0.98
@@ -56,3 +56,17 @@ def doubts(pga: Array, pgv: Array | None) -> Iterator[str]:
         if beyond.any():
             said = f"{counted(int(beyond.sum()), 'event')} with PGV/PGA from {ratio.min():.2g}"
             yield f"{said} to {ratio.max():.2g} s, of which earthquakes have 0.02 to 0.5 s"
+
+
+def of_years(year: Indices, realization: Indices, years: float) -> Iterator[str]:
+    """Events in the years of another realization than theirs, where they follow each other.
+
+    Parameters
+    ----------
+    year : ndarray of int, shape (events,), from 1 on
+    realization : ndarray of int, shape (events,), number of each event's one
+    years : float, of each realization
+    """
+    blocks = (year - 1) // years
+    if blocks.any() and (beside := int((blocks != realization).sum())):
+        yield f"{counted(beside, 'event')} in the {years:g} years of another realization"

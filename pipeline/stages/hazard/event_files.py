@@ -92,7 +92,7 @@ def _loaded(path: Path, digests: tuple[str, ...], given: float | None) -> EventS
         unused.append(f"{counted(weak, 'event')} without a row of shaking, as too weak")
     if none := int((pga == 0.0).sum()):
         unused.append(f"{counted(none, 'event')} without PGA left out")
-    unused += event_doubts.doubts(pga, pgv)
+    unused += [*known["doubts"], *event_doubts.doubts(pga, pgv)]
     return EventSet(_model(told, events, weights, unused), events)
 
 
@@ -157,7 +157,13 @@ def _events(told: EventTables, weights: list[Realization], years: float) -> dict
         raise refused(path, "rlz_id", f"no event of realization {empty[0]}", rule, remedy)
     branch = np.full(len(numbers), -1)
     branch[np.searchsorted(numbers, kept)] = np.arange(len(kept))
-    return {"event_id": ids, "rup_id": found["rup_id"], "branch": branch[at].astype(np.int32)}
+    doubts = event_doubts.of_years(found["year"], found["rlz_id"], years) if "year" in found else ()
+    return {
+        "event_id": ids,
+        "rup_id": found["rup_id"],
+        "branch": branch[at].astype(np.int32),
+        "doubts": [*doubts],
+    }
 
 
 def _check_years(path: Path, found: dict[str, Any], at: Indices, years: float) -> None:

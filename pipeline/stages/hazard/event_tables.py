@@ -57,7 +57,7 @@ class Rupture(Row):
 
     rup_id: int = _Id
     multiplicity: int = Field(1, ge=1, le=2**62, description="events of it, or more")
-    mag: float = Field(ge=0, le=11, description="magnitude")
+    mag: float = Field(gt=0, le=11, description="magnitude")
     centroid_lon: float = Field(ge=-180, le=360, description="longitude of the middle [degree]")
     centroid_lat: float = Field(ge=-90, le=90, description="latitude of the middle [degree]")
     strike: float = Field(ge=-360, le=360, description="strike [degree]")

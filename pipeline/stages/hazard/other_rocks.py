@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +14,14 @@ import numpy as np
 from pipeline.config.hazard_schema import Age, Comparison, HazardConfig, HazardRock, History
 from pipeline.config.layers import Origin, Site, load_site, one_by_one
 from pipeline.config.observation_schema import Observations
-from pipeline.config.outside import text
 from pipeline.config.paths import located, shown
 from pipeline.config.problems import InputError, Problem, edited_since
 from pipeline.config.set_once import check_set_once
 from pipeline.config.slips import warnings
-from pipeline.config.yaml_text import parse
 from pipeline.stages.archive import shipped_equations
 from pipeline.stages.archive.archived_rock import answered
 from pipeline.stages.fragility.summary import Fits
+from pipeline.stages.hazard import rock_copies
 from pipeline.stages.hazard.ground_shaking import check_peaks
 from pipeline.stages.hazard.rock_ages import back_to, check_earthquakes, check_stages, other_age
 from pipeline.stages.hazard.rock_fragility import (
@@ -66,6 +65,11 @@ class Other:
     def key(self) -> str:
         """Of its fragility, by its settings and files as they are."""
         return graph.identities(self.stage, self.site)[self.stage].key
+
+    @property
+    def shape(self) -> str:
+        """Key of the rock alone."""
+        return graph.identities("rock", self.site)["rock"].key
 
     @property
     def history(self) -> History:
@@ -114,6 +118,7 @@ class Archived:
     history: History = ()
     earlier: tuple[Other, ...] = ()
     age: float | None = None
+    medians: tuple[float, ...] = ()
 
     def fragility(self, own: Path) -> RockFragility:
         """What the equations say; nothing is beside the site's ``own`` products."""
@@ -196,11 +201,12 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
                 rule = "each rock is counted once, and has a name of its own"
                 raise InputError(Problem(file, key, given, rule, "leave it out, or rename"))
             named.append(other.name)
-    alike: tuple[str, ...] = ()
+    archived = [one for one in rocks if isinstance(one, Archived)]
+    alike = list(rock_copies.of_archive(archived))
     if made := [one for one in rocks if isinstance(one, Other)]:
         site = load_site(file, study, settings)
         own = Other(site.name, site, ".", drawn and site.config.uncertain)
-        alike = tuple(_copies(origin, own, *made))
+        alike += rock_copies.of_sites(origin, own, *made)
     names = [BASE_CASE, *(one.name for one in hazard.compare)]
     folders = [folder_of(" ".join(name.split())).lower() for name in names]
     if len(set(folders)) < len(folders):
@@ -215,22 +221,6 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
         for line in other_age(one.name, given.age, one.age)
     ]
     return Others(rocks, compared, (*alike, *ages, *told), earlier)
-
-
-def _copies(origin: Origin, *rocks: Other) -> Iterator[str]:
-    """Rocks that are alike in all that their fragilities are made of, in words.
-
-    Refuses one whose file states what another one's does, and names the same files.
-    """
-    for other, one in combinations(rocks, 2):
-        alike, sites = one.key == other.key, (one.site, other.site)
-        stated, stated_by_other = (parse(text(site.path)) for site in sites)
-        if stated == stated_by_other and (alike or one.site.folder == other.site.folder):
-            file, given = origin.file_of("hazard.rocks"), f"{one.name}, a copy of {other.name}"
-            rule, remedy = "each rock is counted once", "leave it out"
-            raise InputError(Problem(file, "hazard.rocks", given, rule, remedy))
-        if alike:
-            yield f"hazard.rocks: {one.name} is as {other.name} in shape, settings and runs"
 
 
 def _compared(hazard: HazardConfig, origin: Origin) -> tuple[tuple[Other, ...], tuple[str, ...]]:
@@ -333,11 +323,12 @@ def _other(rock: HazardRock, origin: Origin, drawn: bool) -> Other | Archived:
     key, name = "hazard.rocks", rock.site
     if rock.archive is not None:
         path = located(origin.folder_of(key), rock.archive, origin.file_of(key), key)
-        age = answered(path, name).age
-        return Archived(name, path, keys.digest_file(path), age=age)
-    found = _of_site(name, origin, key, drawn)
-    check_stages(found.site, rock.age)
-    return replace(found, earlier=_stages(found.history, rock.age, found.site.origin, drawn))
+        found = answered(path, name)
+        medians = tuple(np.sort(found.median, axis=0).ravel().tolist())
+        return Archived(name, path, keys.digest_file(path), age=found.age, medians=medians)
+    other = _of_site(name, origin, key, drawn)
+    check_stages(other.site, rock.age)
+    return replace(other, earlier=_stages(other.history, rock.age, other.site.origin, drawn))
 
 
 def _stages(history: History, age: Age | None, origin: Origin, drawn: bool) -> tuple[Other, ...]:

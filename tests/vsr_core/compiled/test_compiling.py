@@ -121,6 +121,13 @@ def test_code_that_is_edited_once_it_is_read_is_not_kept(small: Path, imported: 
     assert ask(small) == ["11.0 False"]
 
 
+def test_code_that_is_not_optimized_is_not_kept(small: Path) -> None:
+    """It has places in memory that are those of one process."""
+    plain = {"NUMBA_OPT": "0"}
+    assert ask(small, **plain) == ["11.0 False"]
+    assert ask(small, **plain) == ["11.0 False"]
+
+
 @pytest.mark.slow
 def test_an_edit_counts_where_numba_is_told_to_keep_its_code(small: Path, tmp_path: Path) -> None:
     place = {"NUMBA_CACHE_DIR": str(tmp_path / "told")}

@@ -876,6 +876,21 @@ def test_counts_and_poles_that_lost_their_signs_are_told() -> None:
     assert told(whole_numbers, lambda counts: counts) == []
 
 
+@pytest.mark.parametrize(
+    "part", ["Response", "InstrumentSensitivity", "StageGain", "PolesZeros", "Decimation"]
+)
+def test_a_part_of_a_response_that_stands_twice_is_refused(part: str) -> None:
+    """ObsPy takes the first."""
+    obspy = pytest.importorskip("obspy")
+    (trace,), xml, waves = obspy.read().select(channel="EHZ"), io.BytesIO(), io.BytesIO()
+    obspy.read_inventory().write(xml, format="STATIONXML")
+    trace.write(waves, format="MSEED")
+    whole = xml.getvalue()
+    first = re.search(b"<%s[ >].*?</%s>" % ((part.encode(),) * 2), whole, re.DOTALL)
+    how = Reading("EHZ", None, whole.replace(first[0], 2 * first[0]), (0.5, 1.0, 20.0, 30.0))
+    refusal(lambda: read(waves.getvalue(), ".mseed", how), f"2 {part} in a")
+
+
 @pytest.mark.parametrize("gap", [0.0, 0.2])
 def test_a_response_that_changes_within_the_record_is_refused(gap: float) -> None:
     """Twice the gain from its middle on; another epoch of the same response is none."""

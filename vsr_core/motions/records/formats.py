@@ -16,7 +16,11 @@ from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions.named_columns import refuse_cut_lines
 from vsr_core.motions.records import columns, miniseed, text_files
 from vsr_core.motions.records.directions import of_stream
-from vsr_core.motions.records.instrument_response import Corners, without_response
+from vsr_core.motions.records.instrument_response import (
+    Corners,
+    check_stated_once,
+    without_response,
+)
 from vsr_core.motions.records.record import (
     Record,
     check_sampling,
@@ -74,6 +78,7 @@ def read_waveforms(
             _check_span(stream)
             _check_quantity(stream)
             if response is not None:
+                check_stated_once(response)
                 inventory = obspy.read_inventory(io.BytesIO(response), format="STATIONXML")
                 stream, doubts = without_response(stream, inventory, corners)
             else:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -65,6 +67,31 @@ def without_response(stream: Any, inventory: Any, corners: Corners | None) -> tu
         _check_upper_corners(trace, corners)
         trace.data = np.ma.masked_array(trace.data[ends : ends + len(whole)], missing)
     return stream, doubts
+
+
+def check_stated_once(response: bytes) -> None:
+    """Refuse a StationXML file of which a part of a response stands there twice.
+
+    Its parts are those of "FDSN StationXML Schema 1.2" (2022).
+
+    Raises
+    ------
+    InvalidInput
+    """
+    tree = ElementTree.fromstring(response)  # noqa: S314 (expat refuses texts that multiply)
+    for whole in tree.iter():
+        name = whole.tag.rpartition("}")[2]
+        parts = Counter(part.tag.rpartition("}")[2] for part in whole)
+        once = {"Response"} if name == "Channel" else parts.keys() - _SEVERAL
+        twice = [part for part in once if parts[part] > 1]
+        if twice and name in _PARTS:
+            given = f"a StationXML file with {parts[twice[0]]} {twice[0]} in a {name}"
+            raise InvalidInput(given, "there is one", "correct it, or download it again")
+
+
+_PARTS = {"Channel", "Response", "InstrumentSensitivity", "Stage", "StageGain", "PolesZeros",
+          "Coefficients", "FIR", "Decimation", "InputUnits", "OutputUnits"}  # fmt: skip
+_SEVERAL = {"Stage", "Pole", "Zero", "Numerator", "Denominator", "NumeratorCoefficient"}
 
 
 def _doubts(response: Any, name: str) -> Iterator[str]:

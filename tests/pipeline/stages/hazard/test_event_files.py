@@ -538,6 +538,19 @@ def test_a_surface_is_not_counted_from_the_end(tmp_path: Path) -> None:
         event_files.load(path, None)
 
 
+@pytest.mark.parametrize(("share", "told"), [(1.0, 0), (1.05, 1)])
+def test_events_in_the_years_of_another_realization_are_told(
+    tmp_path: Path, share: float, told: int
+) -> None:
+    """By years of a realization that its header has wrong; they follow each other."""
+    folder = EventSet(2_000.0).write(tmp_path)
+    path = folder / "ruptures_1.csv"
+    path.write_text(path.read_text().replace("path=2000", f"path={2000 * share:.0f}"))
+    lines = event_files.load(folder, None).model.unused
+    said = f"in the {2000 * share:.0f} years of another realization"
+    assert sum(said in line for line in lines) == told, lines
+
+
 def test_an_effective_time_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     """One that the header contradicts, and one of which the years fill a fifth."""
     folder = EventSet(2_000.0).write(tmp_path)
