@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,116 +14,20 @@ from pipeline.config.hazard_schema import Age, Comparison, HazardConfig, HazardR
 from pipeline.config.layers import Origin, Site, load_site, one_by_one
 from pipeline.config.observation_schema import Observations
 from pipeline.config.paths import located, shown
-from pipeline.config.problems import InputError, Problem, edited_since
+from pipeline.config.problems import InputError, Problem
 from pipeline.config.set_once import check_set_once
 from pipeline.config.slips import warnings
 from pipeline.stages.archive import shipped_equations
 from pipeline.stages.archive.archived_rock import answered
-from pipeline.stages.fragility.summary import Fits
-from pipeline.stages.hazard import rock_copies
 from pipeline.stages.hazard.ground_shaking import check_peaks
+from pipeline.stages.hazard.one_rock import Archived, Other, alike, alike_in_archive
 from pipeline.stages.hazard.rock_ages import back_to, check_earthquakes, check_stages, other_age
-from pipeline.stages.hazard.rock_fragility import (
-    DRAWN,
-    RockFragility,
-    of_fits,
-    of_members,
-    of_photograph,
-)
+from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility
 from pipeline.stages.hazard.sensitivity import BASE_CASE
 from pipeline.stages.hazard.survival_analysis import DatedRock
-from pipeline.stages.uncertainty.draws import EnsembleData
-from pipeline.workflow import graph, keys, site_folder
+from pipeline.workflow import keys
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Input
-from pipeline.workflow.store import Store
-
-
-@dataclass(frozen=True)
-class Other:
-    """A fragility beside the site's own.
-
-    Attributes
-    ----------
-    derived : str, folder of derived data relative to that of the site's own products
-    earlier : tuple of Other, stages in which a rock was exhumed, the latest first
-    """
-
-    name: str
-    site: Site
-    derived: str
-    uncertain: bool = False
-    earlier: tuple[Other, ...] = ()
-
-    @property
-    def stage(self) -> str:
-        """Stage that makes its fragility."""
-        return "uncertainty" if self.uncertain else "fragility"
-
-    @property
-    def key(self) -> str:
-        """Of its fragility, by its settings and files as they are."""
-        return graph.identities(self.stage, self.site)[self.stage].key
-
-    @property
-    def shape(self) -> str:
-        """Key of the rock alone."""
-        return graph.identities("rock", self.site)["rock"].key
-
-    @property
-    def history(self) -> History:
-        """When its stages ended."""
-        return self.site.config.hazard.history
-
-    @property
-    def observed(self) -> Observations:
-        """What weighs its draws."""
-        return self.site.config.observations if self.uncertain else ()
-
-    def folder(self, own: Path) -> Path:
-        """Folder of its products, which another site of its name has not."""
-        derived = Path(os.path.normpath(own / self.derived))
-        return site_folder.store_of(self.site, derived, None).folder
-
-    def fragility(self, own: Path) -> RockFragility:
-        """What its products say.
-
-        Parameters
-        ----------
-        own : Path, of the site's own products
-        """
-        folder = self.folder(own)
-        manifest = Store(folder).manifest(self.stage)
-        if manifest is None or manifest["key"] != self.key:
-            given = f"{self.stage} of other files or settings than {self.site.name} has by now"
-            raise edited_since(str(folder), given)
-        return of_members(EnsembleData(folder).data) if self.uncertain else of_fits(Fits(folder))
-
-
-@dataclass(frozen=True)
-class Archived:
-    """A rock of an archive, whose fragility no runs are needed for.
-
-    Attributes
-    ----------
-    before : str, digest of the archive when it was found
-    age : float or None, mean age that the archive has [year]
-    """
-
-    name: str
-    path: Path
-    before: str
-    observed: Observations = ()
-    history: History = ()
-    earlier: tuple[Other, ...] = ()
-    age: float | None = None
-    medians: tuple[float, ...] = ()
-
-    def fragility(self, own: Path) -> RockFragility:
-        """What the equations say; nothing is beside the site's ``own`` products."""
-        found = of_photograph(answered(self.path, self.name))
-        keys.check_same(self.path, [self.path], [self.before])
-        return found
 
 
 @dataclass(frozen=True)
@@ -202,11 +105,11 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
                 raise InputError(Problem(file, key, given, rule, "leave it out, or rename"))
             named.append(other.name)
     archived = [one for one in rocks if isinstance(one, Archived)]
-    alike = list(rock_copies.of_archive(archived))
+    same = list(alike_in_archive(archived))
     if made := [one for one in rocks if isinstance(one, Other)]:
         site = load_site(file, study, settings)
         own = Other(site.name, site, ".", drawn and site.config.uncertain)
-        alike += rock_copies.of_sites(origin, own, *made)
+        same += alike(origin, own, *made)
     names = [BASE_CASE, *(one.name for one in hazard.compare)]
     folders = [folder_of(" ".join(name.split())).lower() for name in names]
     if len(set(folders)) < len(folders):
@@ -220,7 +123,7 @@ def find(hazard: HazardConfig, origin: Origin) -> Others:
         if isinstance(one, Archived)
         for line in other_age(one.name, given.age, one.age)
     ]
-    return Others(rocks, compared, (*alike, *ages, *told), earlier)
+    return Others(rocks, compared, (*same, *ages, *told), earlier)
 
 
 def _compared(hazard: HazardConfig, origin: Origin) -> tuple[tuple[Other, ...], tuple[str, ...]]:

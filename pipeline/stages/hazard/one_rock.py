@@ -1,0 +1,137 @@
+"""One rock beside the site's own, and whether two of them are one and the same."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+from pipeline.config.hazard_schema import History
+from pipeline.config.layers import Origin, Site
+from pipeline.config.observation_schema import Observations
+from pipeline.config.outside import text
+from pipeline.config.problems import InputError, Problem, edited_since
+from pipeline.config.yaml_text import parse
+from pipeline.stages.archive.archived_rock import answered
+from pipeline.stages.fragility.summary import Fits
+from pipeline.stages.hazard.rock_fragility import RockFragility, of_fits, of_members, of_photograph
+from pipeline.stages.uncertainty.draws import EnsembleData
+from pipeline.workflow import graph, keys, site_folder
+from pipeline.workflow.store import Store
+
+
+@dataclass(frozen=True)
+class Other:
+    """A fragility beside the site's own.
+
+    Attributes
+    ----------
+    derived : str, folder of derived data relative to that of the site's own products
+    earlier : tuple of Other, stages in which a rock was exhumed, the latest first
+    """
+
+    name: str
+    site: Site
+    derived: str
+    uncertain: bool = False
+    earlier: tuple[Other, ...] = ()
+
+    @property
+    def stage(self) -> str:
+        """Stage that makes its fragility."""
+        return "uncertainty" if self.uncertain else "fragility"
+
+    @property
+    def key(self) -> str:
+        """Of its fragility, by its settings and files as they are."""
+        return graph.identities(self.stage, self.site)[self.stage].key
+
+    @property
+    def shape(self) -> str:
+        """Key of the rock alone."""
+        return graph.identities("rock", self.site)["rock"].key
+
+    @property
+    def history(self) -> History:
+        """When its stages ended."""
+        return self.site.config.hazard.history
+
+    @property
+    def observed(self) -> Observations:
+        """What weighs its draws."""
+        return self.site.config.observations if self.uncertain else ()
+
+    def folder(self, own: Path) -> Path:
+        """Folder of its products, which another site of its name has not."""
+        derived = Path(os.path.normpath(own / self.derived))
+        return site_folder.store_of(self.site, derived, None).folder
+
+    def fragility(self, own: Path) -> RockFragility:
+        """What its products say.
+
+        Parameters
+        ----------
+        own : Path, of the site's own products
+        """
+        folder = self.folder(own)
+        manifest = Store(folder).manifest(self.stage)
+        if manifest is None or manifest["key"] != self.key:
+            given = f"{self.stage} of other files or settings than {self.site.name} has by now"
+            raise edited_since(str(folder), given)
+        return of_members(EnsembleData(folder).data) if self.uncertain else of_fits(Fits(folder))
+
+
+@dataclass(frozen=True)
+class Archived:
+    """A rock of an archive, whose fragility no runs are needed for.
+
+    Attributes
+    ----------
+    before : str, digest of the archive when it was found
+    age : float or None, mean age that the archive has [year]
+    """
+
+    name: str
+    path: Path
+    before: str
+    observed: Observations = ()
+    history: History = ()
+    earlier: tuple[Other, ...] = ()
+    age: float | None = None
+    medians: tuple[float, ...] = ()
+
+    def fragility(self, own: Path) -> RockFragility:
+        """What the equations say; nothing is beside the site's ``own`` products."""
+        found = of_photograph(answered(self.path, self.name))
+        keys.check_same(self.path, [self.path], [self.before])
+        return found
+
+
+def alike(origin: Origin, *rocks: Other) -> Iterator[str]:
+    """Rocks that are alike in all that their fragilities are made of, or in shape, in words.
+
+    Refuses one whose file states what another one's does, and names the same files.
+    """
+    for other, one in combinations(rocks, 2):
+        sites = one.site, other.site
+        stated, stated_by_other = (parse(text(site.path)) for site in sites)
+        if stated == stated_by_other and (
+            one.key == other.key or one.site.folder == other.site.folder
+        ):
+            file, given = origin.file_of("hazard.rocks"), f"{one.name}, a copy of {other.name}"
+            rule, remedy = "each rock is counted once", "leave it out"
+            raise InputError(Problem(file, "hazard.rocks", given, rule, remedy))
+        if one.key == other.key:
+            yield f"hazard.rocks: {one.name} is as {other.name} in shape, settings and runs"
+        elif one.shape == other.shape:
+            said = f"{one.name} is the rock of {other.name} with other settings"
+            yield f"hazard.rocks: {said}, by its shape: each rock is counted once"
+
+
+def alike_in_archive(rocks: Sequence[Archived]) -> Iterator[str]:
+    """Rocks of an archive that topple as another one does, from side to side, in words."""
+    for other, one in combinations(rocks, 2):
+        if one.medians == other.medians:
+            yield f"hazard.rocks: {one.name} topples as {other.name} does, in either direction"
