@@ -84,7 +84,8 @@ def _check_levels(levels: Array) -> None:
 def curve_of_probabilities(levels: Array, probabilities: Array, years: float) -> HazardCurve:
     """A curve from probabilities of exceedance in some years, earthquakes being Poissonian.
 
-    Levels that are never exceeded end the curve.
+    Levels that are never exceeded end the curve; it begins with the first one whose probability is
+    below 1, which by the digits of a file may be that of the weakest shaking, and has no rate.
 
     Parameters
     ----------
@@ -94,14 +95,16 @@ def curve_of_probabilities(levels: Array, probabilities: Array, years: float) ->
     Raises
     ------
     InvalidInput
-        For a probability of 1, which has no finite rate, or outside 0 to 1.
+        For a probability outside 0 to 1.
     """
     if not ((probabilities >= 0.0).all() and (probabilities <= 1.0).all()):
         given = f"probabilities from {probabilities.min():g} to {probabilities.max():g}"
         raise InvalidInput(given, "they are from 0 to 1", "look at the curve")
+    _check_levels(levels)
+    certain = int(np.argmin(np.append(probabilities, 0.0) == 1.0))
+    levels, probabilities = levels[certain:], probabilities[certain:]
     if (probabilities == 1.0).any():
-        given, rule = f"a probability of 1 in {years:g} years", "it has no finite rate"
-        raise InvalidInput(given, rule, "export the curve for fewer years, or drop the level")
+        raise InvalidInput("a probability that rises to 1", "it falls", "look at the curve")
     return curve_of_rates(levels, -np.log1p(-probabilities) / years)
 
 

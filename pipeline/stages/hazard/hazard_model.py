@@ -181,12 +181,14 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
         raise refused(source, "PGV", given, rule, remedy)
     check_sum(source, "weight", [row.weight for row in rows])
     total = sum(row.weight for row in rows)
-    branches, ended = [], dict.fromkeys(UNITS, 0)
+    branches, begun, ended = [], dict.fromkeys(UNITS, 0), dict.fromkeys(UNITS, 0)
     for row in (row for row in rows if row.weight > 0.0):
         of_row = {name: curves[row.rlz_id, name] for name in UNITS if (row.rlz_id, name) in curves}
         made = {name: one.curve() for name, (_, one) in of_row.items()}
         for name, (_, one) in of_row.items():
-            ended[name] += len(one.levels) - len(made[name].levels)
+            certain = one.values.count(1.0) if one.years else 0
+            begun[name] += certain
+            ended[name] += len(one.levels) - len(made[name].levels) - certain
         pga, pgv = made["PGA"], made.get("PGV")
         if pgv:
             _together(of_row["PGV"][0], pga, pgv)
@@ -196,8 +198,12 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
     if zero := len(rows) - len(branches):
         unused = (*unused, f"{counted(zero, 'realization')} of weight 0 left out")
     unused += tuple(
-        f"{counted(count, 'level')} of {name} that nothing exceeds left out, at ends of curves"
-        for name, count in ended.items()
+        f"{counted(count, 'level')} of {name} {said}"
+        for said, number in (
+            ("of a probability of 1 left out, at beginnings of curves", begun),
+            ("that nothing exceeds left out, at ends of curves", ended),
+        )
+        for name, count in number.items()
         if count
     )
     return HazardModel(tuple(branches), (one.lon, one.lat), (*unused, *_far_apart(branches)))
@@ -231,7 +237,10 @@ def _far_apart(branches: Sequence[Branch]) -> Iterator[str]:
     """That a branch has rates that are far from those of the others where these differ least."""
     for measure in ("PGA", "PGV"):
         curves = [one.pga if measure == "PGA" else one.pgv for one in branches]
-        rates = np.array([np.nan if one is None else one.rates[0] for one in curves])
+        first = max((one.levels[0] for one in curves if one is not None), default=np.nan)
+        rates = np.array(
+            [np.nan if one is None else one.rate_at(np.array(first)) for one in curves]
+        )
         off = rates / np.median(rates)
         worst = int(np.abs(np.log(off)).argmax())
         if off[worst] < 1.0 / FAR or off[worst] > FAR:

@@ -148,7 +148,7 @@ def _other_means(
         if len(given) < len(rows):
             continue  # without realizations, or refused for its levels
         told, poes = np.array(mean.values), np.array(given)
-        means = weights @ poes, -np.expm1(weights @ np.log1p(-poes))
+        means = weights @ poes, -np.expm1(weights @ np.log1p(-np.minimum(poes, 1.0 - _TINY)))
         off = min(float(((abs(one - told) - _TINY) / (told + _TINY)).max()) for one in means)
         if off > most:
             yield (

@@ -224,7 +224,9 @@ def test_probabilities_become_rates() -> None:
     assert curve.levels.tolist() == [1.0, 2.0]
     np.testing.assert_allclose(1.0 - np.exp(-50.0 * curve.rates), [0.5, 0.1])
     for wrong, words in (
-        ([1.0, 0.1, 0.0], "no finite rate"),
+        ([1.0, 0.1, 0.0], "two or more"),
+        ([1.0, 1.0, 1.0], "two or more"),
+        ([0.5, 1.0, 0.1], "rises to 1"),
         ([0.1, 0.2, 0.0], "not more frequent"),
         ([0.1, -0.2, 0.0], "from 0 to 1"),
         ([0.1, 0.0, 0.0], "two or more"),
@@ -232,6 +234,9 @@ def test_probabilities_become_rates() -> None:
         with pytest.raises(InvalidInput, match=words):
             curve_of_probabilities(levels, np.array(wrong), 50.0)
     assert math.isnan(curve.level_at(1e-9))
+    certain = curve_of_probabilities(np.array([0.5, *levels]), np.array([1.0, 0.5, 0.1, 0.0]), 50.0)
+    assert (certain.levels == curve.levels).all()
+    assert (certain.rates == curve.rates).all()
 
 
 @pytest.mark.parametrize("age", [0.0, -5.0, math.nan, math.inf])

@@ -252,7 +252,12 @@ def test_what_is_no_calculation_of_one_site_is_refused(tmp_path: Path) -> None:
     certain = written(tmp_path / "certain.hdf5")
     with h5py.File(certain, "r+") as file:
         file["hcurves-rlzs"][0, 0, 0, 0] = 1.0
-    with pytest.raises(InputError, match="no finite rate"):
+    (said,) = curve_folder.load(certain).unused
+    assert said == "1 level of PGA of a probability of 1 left out, at beginnings of curves"
+    with h5py.File(certain, "r+") as file:
+        file["hcurves-rlzs"][0, 0, 0, 1] = 1.0
+        file["hcurves-rlzs"][0, 0, 0, 0] = 0.5
+    with pytest.raises(InputError, match="a probability that rises to 1"):
         curve_folder.load(certain)
     other = tmp_path / "other.hdf5"
     other.write_bytes(b"nothing")

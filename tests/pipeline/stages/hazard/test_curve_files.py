@@ -131,7 +131,7 @@ def test_a_mean_curve_that_is_none_of_the_realizations_is_told(
         (FIRST, "imt='PGA'", "imt='SA(0.2)'", "the file name says PGA"),
         (FIRST, "-120.9,35.2", "-120.9,36.2", "all curves are of one site"),
         (FIRST, "-120.9,35.2,0.0,", "-120.9,35.2,0.0,1.0,", "7 fields in row 1"),
-        (FIRST, "9.999546000702E-01", "1.0", "no finite rate"),
+        (FIRST, "1.812692469220E-01", "1.0", "rises to 1"),
         (FIRST, "investigation_time=50.0", "risk_investigation_time=50.0", "got nothing"),
         (FIRST, "kind=", "investigation_time=1.0, kind=", "investigation_time: got "),
         (FIRST, "imt='PGA'", "imt='PGA', imt='SA(0.2)'", "imt: got PGA and SA(0.2); the"),
