@@ -59,6 +59,9 @@ def without_pictures(file: BinaryIO) -> BinaryIO:
             _check_order(one)
     shapes = io.BytesIO(ElementTree.tostring(tree))
     found = collada.Collada(shapes, ignore=[collada.common.DaeError])
+    if found.scene is None:
+        given = f"COLLADA {tree.get('version')} without a scene that can be read"
+        raise InvalidInput(given, "it is COLLADA 1.4 with a scene", "export it again")
     _require_faces(tree, found)
     told, held = _told_shapes(tree), _held_shapes(found.scene.nodes)
     if told != held or told > _MOST_SHAPES:

@@ -72,7 +72,10 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
 
 def _require_plain_gltf(file: BinaryIO) -> None:
     """Refuse what trimesh passes over: coordinates replaced, packed, made integers or deformed."""
-    length = int.from_bytes(file.read(16)[12:], "little")
+    head = file.read(16)
+    version, length = (int.from_bytes(head[at : at + 4], "little") for at in (4, 12))
+    if version != _VERSION:
+        raise InvalidInput(f"a file of glTF {version}", f"it is glTF {_VERSION}", "export it again")
     scene = of_json(file.read(length + 4)[4:])
     needed = [f"extension {name}" for name in scene.get("extensionsRequired", ())]
     if any("sparse" in accessor for accessor in scene.get("accessors", ())):
@@ -130,6 +133,8 @@ def _stored(scene: dict[str, Any], accessor: dict[str, Any], data: bytes) -> Arr
         return None  # which trimesh refuses
     return np.ndarray((count, 3), np.dtype("<f4"), data, start, (stride, 4)).astype(np.float64)
 
+
+_VERSION = 2
 
 _MOVES = {"translation", "rotation", "scale"}
 

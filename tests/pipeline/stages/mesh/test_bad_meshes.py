@@ -193,6 +193,10 @@ def two_in_collada() -> bytes:
         (lambda text: of_unit(text, b'name="centimeter" meter="0,01"'), "'centimeter' of 0,01 m"),
         (lambda text: of_unit(text, b'name="centimeter" meter="1"'), "'centimeter' of 1 m"),
         (lambda text: of_unit(text, b'meter="1"/><unit meter="1"'), "there is one"),
+        (
+            lambda text: re.sub(b"<scene>.*?</scene>", b"", text, flags=re.DOTALL),
+            "COLLADA 1.4.1 without a scene",
+        ),
     ],
 )
 def test_a_geometry_that_cannot_be_read_is_not_left_out(
@@ -239,7 +243,7 @@ def test_a_shape_does_not_need_its_material(
         ("<translate>1 0 nan</translate>", "3 numbers"),
         ("<rotate>0 0 2 90</rotate>", "an axis of length 1"),
         ("<skew>30 1 0 0 0 1 0</skew>", "skewed"),
-        ('<instance_node url="#x"/>', "cannot be read"),
+        ('<instance_node url="#x"/>', "without a scene that can be read"),
         ('<instance_geometry url="#x"/>', "2 shapes in its scene, of which 1 can be read"),
         ('<instance_controller url="#x"/>', "2 shapes in its scene, of which 1 can be read"),
     ],
@@ -401,6 +405,13 @@ def test_coordinates_that_trimesh_passes_over(
     glb(tmp_path / "rock.glb", lambda scene: scene | more)
     where = site(tmp_path, "rock.glb")
     refused("run", "rock", "--site", where, words=("rock.mesh", "rock.glb", told, "plain"))
+
+
+def test_gltf_of_another_version_is_refused(tmp_path: Path) -> None:
+    content = ball().export(file_type="glb")
+    (tmp_path / "rock.glb").write_bytes(content[:4] + b"\x01" + content[5:])
+    with pytest.raises(InvalidInput, match="a file of glTF 1; it is glTF 2"):
+        mesh_files.read(tmp_path / "rock.glb")
 
 
 def test_coordinates_in_a_text_of_their_own_are_read(tmp_path: Path) -> None:
