@@ -91,6 +91,7 @@ class Archived:
     ----------
     before : str, digest of the archive when it was found
     age : float or None, mean age that the archive has [year]
+    medians : tuple of float [g], of its boundaries, from the weaker direction to the stronger
     """
 
     name: str
