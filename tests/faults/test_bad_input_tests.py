@@ -260,6 +260,10 @@ def test_records_that_are_cut_or_stand_twice_are_told(folder: Path) -> None:
 
 def test_a_scan_in_centimetres_is_seen(folder: Path) -> None:
     assert [*sizes({1: scan(folder / "sp1.ply")})] == ["specimen 1 is 0.1 x 0.1 x 0.3 m"]
+    thrown = trimesh.creation.icosphere()
+    thrown.vertices[5] *= 3.0
+    _, said = sizes({2: thrown})
+    assert said.startswith("specimen 2: the vertex at "), said
 
 
 def test_tests_to_predict_are_counted(folder: Path) -> None:

@@ -32,6 +32,7 @@ from vsr_core.motions.pulses import CosinePulse
 from vsr_core.motions.records import processing
 from vsr_core.motions.records.columns import read_netcdf, read_table
 from vsr_core.motions.records.formats import Reading, from_stream, read, read_all
+from vsr_core.motions.records.instrument_response import check_stated_once
 from vsr_core.motions.records.processing import Processing, process
 from vsr_core.motions.records.record import Record, check_end, check_rest, factor, repaired
 from vsr_core.motions.records.text_files import read_at2, read_cosmos
@@ -889,6 +890,25 @@ def test_a_part_of_a_response_that_stands_twice_is_refused(part: str) -> None:
     first = re.search(b"<%s[ >].*?</%s>" % ((part.encode(),) * 2), whole, re.DOTALL)
     how = Reading("EHZ", None, whole.replace(first[0], 2 * first[0]), (0.5, 1.0, 20.0, 30.0))
     refusal(lambda: read(waves.getvalue(), ".mseed", how), f"2 {part} in a")
+
+
+@pytest.mark.parametrize("number", [1, 9])
+@pytest.mark.parametrize("part", ["Stage", "Pole", "Zero"])
+def test_parts_of_a_response_are_counted_through(part: str, number: int) -> None:
+    """One that stands there twice by its number, or after one that is lost."""
+    obspy, xml = pytest.importorskip("obspy"), io.BytesIO()
+    obspy.read_inventory().write(xml, format="STATIONXML")
+    whole = xml.getvalue()
+    check_stated_once(whole)
+    first = next(n for n in (2, 3) if whole.count(f'<{part} number="{n}"'.encode()))
+    before, after = (
+        f'<{part} number="{n}"'.encode() for n in (first, first - 1 if number == 1 else number)
+    )
+    refusal(
+        lambda: check_stated_once(whole.replace(before, after, 1)),
+        f"{part} in a",
+        "follow each other",
+    )
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.2])

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterator
 from typing import Any
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -80,13 +81,26 @@ def check_stated_once(response: bytes) -> None:
     """
     tree = ElementTree.fromstring(response)  # noqa: S314 (expat refuses texts that multiply)
     for whole in tree.iter():
-        name = whole.tag.rpartition("}")[2]
-        parts = Counter(part.tag.rpartition("}")[2] for part in whole)
-        once = {"Response"} if name == "Channel" else parts.keys() - _SEVERAL
-        twice = [part for part in once if parts[part] > 1]
-        if twice and name in _PARTS:
-            given = f"a StationXML file with {parts[twice[0]]} {twice[0]} in a {name}"
-            raise InvalidInput(given, "there is one", "correct it, or download it again")
+        parts = defaultdict[str, list[Element]](list)
+        for part in whole:
+            parts[_name(part)].append(part)
+        several = _SEVERAL if (name := _name(whole)) != "Channel" else parts.keys() - {"Response"}
+        for kind, found in parts.items() if name in _PARTS else ():
+            if kind not in several and len(found) > 1:
+                given = f"a StationXML file with {len(found)} {kind} in a {name}"
+                raise InvalidInput(given, "there is one", "correct it, or download it again")
+            numbers = [int(one.get("number", one.get("i", -1))) for one in found]
+            if (
+                kind in _SEVERAL
+                and min(numbers) >= 0
+                and sorted(numbers) != list(range(min(numbers), min(numbers) + len(numbers)))
+            ):
+                given = f"a StationXML file with {kind} in a {name} of which some are not counted"
+                raise InvalidInput(given, "their numbers follow each other", "download it again")
+
+
+def _name(part: Element) -> str:
+    return part.tag.rpartition("}")[2]
 
 
 _PARTS = {"Channel", "Response", "InstrumentSensitivity", "Stage", "StageGain", "PolesZeros",

@@ -34,6 +34,7 @@ from vsr_core.motions import order
 from vsr_core.motions.ground_motion import GroundMotion
 from vsr_core.motions.records.components import ComponentMotion
 from vsr_core.motions.records.trace import RecordedMotion, Trace
+from vsr_core.rock.doubts import doubts
 
 if TYPE_CHECKING:
     import trimesh
@@ -98,9 +99,10 @@ def _in_other_units(tests: Tests, records: bool) -> Iterator[str]:
 
 
 def sizes(scans: dict[int, trimesh.Trimesh]) -> Iterator[str]:
-    """How large specimens are, by which a scan in another unit is seen."""
+    """How large specimens are, by which a scan in another unit is seen, and what is odd of them."""
     for number, one in scans.items():
         yield f"specimen {number} is {' x '.join(f'{side:.3g}' for side in one.extents)} m"
+        yield from (f"specimen {number}: {line}" for line in doubts(one))
 
 
 def _some(numbers: list[int]) -> str:

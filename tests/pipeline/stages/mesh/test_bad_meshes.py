@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 from matplotlib.figure import Figure
+from scipy.spatial.transform import Rotation
 from trimesh.exchange.dae import export_collada
 
 from pipeline import ROOT
@@ -385,6 +386,9 @@ def test_morph_targets_without_weight_are_read(tmp_path: Path) -> None:
     assert found.volume == pytest.approx(ball().volume, rel=1e-6)
 
 
+SKEWED = [1.0, 0.3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+
+
 @pytest.mark.parametrize(
     ("more", "told"),
     [
@@ -394,7 +398,10 @@ def test_morph_targets_without_weight_are_read(tmp_path: Path) -> None:
         ({"nodes": [{"mesh": 0, "weights": [0.5]}]}, "morph targets"),
         ({"nodes": [{"mesh": 0, "skin": 0}]}, "a skin"),
         ({"nodes": [{"mesh": 0, "matrix": [1], "scale": [2]}]}, "a matrix and another move"),
-        ({"nodes": [{"mesh": 0, "matrix": [*np.eye(4).ravel()[:15], 2.0]}]}, "more than move"),
+        ({"nodes": [{"mesh": 0, "matrix": [*np.eye(4).ravel()[:15], 2.0]}]}, "that skews"),
+        ({"nodes": [{"mesh": 0, "matrix": SKEWED}]}, "a matrix that skews"),
+        ({"nodes": [{"children": [1]}, {"mesh": 0}], "scenes": [{"nodes": [0, 1]}]}, "two parents"),
+        ({"nodes": [{"children": [2]}, {"children": [2]}, {"mesh": 0}]}, "two parents"),
         ({"nodes": [{"mesh": 0, "rotation": [0.0, 0.0, 0.0, 2.0]}]}, "whose length is not 1"),
         ({"meshes": [{"primitives": [{"mode": 6}]}]}, "strips or fans"),
     ],
@@ -405,6 +412,30 @@ def test_coordinates_that_trimesh_passes_over(
     glb(tmp_path / "rock.glb", lambda scene: scene | more)
     where = site(tmp_path, "rock.glb")
     refused("run", "rock", "--site", where, words=("rock.mesh", "rock.glb", told, "plain"))
+
+
+def test_a_gltf_rock_that_is_turned_and_scaled_is_read(tmp_path: Path) -> None:
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_rotvec([0.3, 0.2, 0.1]).as_matrix() @ np.diag([1.0, 2.0, 3.0])
+    columns = matrix.T.ravel().tolist()
+    glb(tmp_path / "rock.glb", lambda scene: moved(scene, columns))
+    found = mesh_files.read(tmp_path / "rock.glb")
+    assert found.volume == pytest.approx(6.0 * ball().volume, rel=1e-5)
+
+
+def moved(scene: dict[str, Any], matrix: list[float]) -> dict[str, Any]:
+    """A scene whose mesh has that matrix."""
+    nodes = [node | {"matrix": matrix} if "mesh" in node else node for node in scene["nodes"]]
+    return scene | {"nodes": nodes}
+
+
+@pytest.mark.parametrize("face", ["f 1 2 0", "f 0 1 2", "f 1/1 2/1 0/1"])
+def test_an_obj_face_of_vertex_0_is_refused(tmp_path: Path, face: str) -> None:
+    """For trimesh it is the last one."""
+    text = ball().export(file_type="obj")
+    (tmp_path / "rock.obj").write_text(f"{text}\n{face}\n")
+    with pytest.raises(InvalidInput, match="a face of vertex 0; the first vertex is 1"):
+        mesh_files.read(tmp_path / "rock.obj")
 
 
 def test_gltf_of_another_version_is_refused(tmp_path: Path) -> None:
