@@ -175,8 +175,11 @@ def _check_course(path: Path, grid: Array) -> None:
         (grid - nearer, "from the nearest to the farthest distance, shaking decreases"),
         (weaker - grid, "from the least to the largest magnitude, shaking increases"),
     )
-    for rise, rule in courses:
+    for axis, (rise, rule) in enumerate(courses, start=-1):
         for place, name in ((0, "pga_g"), (2, "pgv_cm_s")):
+            ends = np.take(grid[..., place], (0, -1), axis=abs(axis))
+            if (np.diff(ends, axis=abs(axis)) == 0.0).any():
+                raise refused(path, name, "medians that stay the same", rule, "correct the column")
             if (most := np.exp(rise[..., place].max())) > SATURATION:
                 given = f"medians that go the other way by {most:.3g} times"
                 raise refused(path, name, given, rule, "correct the columns")

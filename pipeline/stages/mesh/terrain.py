@@ -24,6 +24,7 @@ from vsr_core.errors import InvalidInput
 from vsr_core.rock.doubts import spikes
 from vsr_core.run.displacement import held_toward
 from vsr_core.scan import seat
+from vsr_core.scan.missing_ground import holes
 from vsr_core.scene import State
 from vsr_core.terrain.surface import Terrain
 
@@ -57,7 +58,8 @@ def make(
     except InvalidInput as error:
         raise _refusal(work.origin, error, own_file=scan is None) from None
     scanned = seating.whole_ground(data)
-    for told in spikes(trimesh.Trimesh(scanned.vertices, scanned.faces)):
+    ground = trimesh.Trimesh(scanned.vertices, scanned.faces)
+    for told in (*spikes(ground), *holes(ground)):
         work.log(f"{work.stage}: doubtful: {told}")
     starts = [scene.start for scene in scenes if scene.start is not None]
     dataset = _dataset(scanned, laid, terrain, starts)

@@ -53,6 +53,7 @@ def checked(content: bytes, read: int) -> list[str]:
             length = told["record_length"]
             name = tuple(told[key] for key in ("network", "station", "location", "channel"))
             channels[name].append((told["starttime"].timestamp, told["npts"], told["samp_rate"]))
+            _check_rate(content[end : end + 48], _ORDER[told["byteorder"]], told["samp_rate"])
             begin = int.from_bytes(content[end + 44 : end + 46], _ORDER[told["byteorder"]])
             if told["npts"]:
                 forms[".".join(name)].add((length, told.get("encoding"), begin))
@@ -75,6 +76,25 @@ def checked(content: bytes, read: int) -> list[str]:
         for name, found in forms.items()
         if len(found) > 1
     ]
+
+
+def _check_rate(header: bytes, order: Literal["big", "little"], rate: float) -> None:
+    """Refuse a rate that is not about that of the header, as of a blockette 100 (SEED manual 2.4).
+
+    The header's is a factor and a multiplier, which divides where it is negative.
+    """
+    factor, multiplier = (
+        int.from_bytes(header[at : at + 2], order, signed=True) for at in (32, 34)
+    )
+    if factor and multiplier:
+        one, other = (float(abs(n)) ** (1 if n > 0 else -1) for n in (factor, multiplier))
+        if abs(rate / (one * other) - 1.0) > RATE:
+            given = f"a record of {rate:g} samples a second, whose header says {one * other:g}"
+            raise InvalidInput(given, "the two agree", "download it again")
+
+
+RATE = 0.02
+"""Share by which the rate of a record may be off that of its header, which are whole numbers."""
 
 
 def _drift(spans: _Spans) -> float:
