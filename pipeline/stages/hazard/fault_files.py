@@ -169,16 +169,15 @@ def _model(path: Path) -> GroundMotionTable:
 
 
 def _check_course(path: Path, grid: Array) -> None:
-    """Refuse medians that are larger at a farther distance, or at a lesser magnitude."""
+    """Refuse medians that are larger at a farther distance or a lesser magnitude, or all alike."""
     nearer, weaker = np.minimum.accumulate(grid, axis=1), np.maximum.accumulate(grid, axis=0)
     courses = (
-        (grid - nearer, "from the nearest to the farthest distance, shaking decreases"),
-        (weaker - grid, "from the least to the largest magnitude, shaking increases"),
+        (1, grid - nearer, "from the nearest to the farthest distance, shaking decreases"),
+        (0, weaker - grid, "from the least to the largest magnitude, shaking increases"),
     )
-    for axis, (rise, rule) in enumerate(courses, start=-1):
+    for axis, rise, rule in courses:
         for place, name in ((0, "pga_g"), (2, "pgv_cm_s")):
-            ends = np.take(grid[..., place], (0, -1), axis=abs(axis))
-            if (np.diff(ends, axis=abs(axis)) == 0.0).any():
+            if not np.ptp(grid[..., place], axis=axis).any():
                 raise refused(path, name, "medians that stay the same", rule, "correct the column")
             if (most := np.exp(rise[..., place].max())) > SATURATION:
                 given = f"medians that go the other way by {most:.3g} times"

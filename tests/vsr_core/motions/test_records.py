@@ -8,6 +8,7 @@ import io
 import itertools
 import math
 import re
+import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -1243,6 +1244,20 @@ def test_bytes_that_are_no_records_of_a_miniseed_are_refused(length: int) -> Non
         told = f"records end at byte {end}"
         refusal(lambda content=filled: read(content, ".mseed", how), told)
     assert len(read(whole[:end], ".mseed", how).acceleration) < 8000  # nothing of it tells
+
+
+def test_a_rate_far_from_that_of_its_header_is_refused() -> None:
+    """Of a blockette 100, which has the actual one; that of the header is in whole numbers."""
+    obspy, waves = pytest.importorskip("obspy"), io.BytesIO()
+    about = {"sampling_rate": 99.7123, "channel": "HNE"}
+    obspy.Trace(np.sin(0.1 * np.arange(4000.0)), about).write(waves, format="MSEED", reclen=512)
+    whole, how = bytearray(waves.getvalue()), Reading(unit="m/s2")
+    assert read(bytes(whole), ".mseed", how).interval == pytest.approx(1 / 99.7123, rel=1e-6)
+    for number, rate in ((200, 200.0), (-2, 0.5), (50, 50.0)):  # a negative one divides
+        for at in range(0, len(whole), 512):
+            whole[at + 32 : at + 36] = struct.pack(">hh", number, 1)
+        words = f"99.7123 samples a second, whose header says {rate:g}"
+        refusal(lambda: read(bytes(whole), ".mseed", how), words)
 
 
 def test_records_of_miniseed_without_samples_are_passed_over() -> None:

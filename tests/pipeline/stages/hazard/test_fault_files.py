@@ -54,6 +54,14 @@ def test_what_no_table_of_faults_has_is_refused(table: Path, text: str, words: s
             "pga_g: got medians that go the other way by 4 times; from the nearest",
         ),
         (
+            model((0.1, 10), (0.1, 5), (0.2, 20), (0.2, 10)),
+            "pga_g: got medians that stay the same; from the nearest",
+        ),
+        (
+            model((0.1, 10), (0.05, 5), (0.2, 10), (0.1, 5)),
+            "pgv_cm_s: got medians that stay the same; from the least",
+        ),
+        (
             model((0.1, 50), (0.05, 20), (0.2, 10), (0.1, 4)),
             "pgv_cm_s: got medians that go the other way by 5 times; from the least",
         ),

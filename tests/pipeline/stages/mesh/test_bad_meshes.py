@@ -429,6 +429,15 @@ def moved(scene: dict[str, Any], matrix: list[float]) -> dict[str, Any]:
     return scene | {"nodes": nodes}
 
 
+@pytest.mark.parametrize(
+    ("before", "after"), [(r"(?m)$", " # so"), (r" ", "\t"), (r"\n", "\r"), (r"\n", "\r\n")]
+)
+def test_an_obj_in_other_spellings_is_read(tmp_path: Path, before: str, after: str) -> None:
+    text = re.sub(before, after, ball().export(file_type="obj"))
+    (tmp_path / "rock.obj").write_bytes(text.encode())
+    assert mesh_files.read(tmp_path / "rock.obj").volume == pytest.approx(ball().volume, rel=1e-6)
+
+
 @pytest.mark.parametrize("face", ["f 1 2 0", "f 0 1 2", "f 1/1 2/1 0/1"])
 def test_an_obj_face_of_vertex_0_is_refused(tmp_path: Path, face: str) -> None:
     """For trimesh it is the last one."""
