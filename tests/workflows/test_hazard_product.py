@@ -30,6 +30,7 @@ from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, answered
 from pipeline.stages.hazard import hazard as stage
 from pipeline.stages.hazard import other_rocks
 from pipeline.stages.hazard.hazard_figures import shaking
+from pipeline.stages.hazard.one_rock import alike_in_shape
 from pipeline.stages.hazard.rock_ages import back_to
 from pipeline.stages.hazard.sensitivity import AS_GIVEN, AS_TESTED, BASE_CASE, DRAWN_ANEW
 from pipeline.stages.observations import observations
@@ -894,13 +895,23 @@ def test_rocks_that_differ_in_nothing_that_counts_are_told(
     said = "hazard.rocks: other is as rock in shape, settings and runs"
     ran = vsr("plan", "hazard", "--site", path, "--set", rocks)
     assert (ran.code, ran.err.count(said)) == (cli.DONE, 1), ran.err
-    told = "hazard.rocks: other is the rock of rock with other settings"
-    turned, higher = GRID.replace("0, 90", "90, 0"), BOX.replace("1.2", "1.3")
-    for text, number in ((BOX + turned, 1), (higher + GRID, 0)):
-        other = write_site(text, name="other")
-        ran = vsr("plan", "hazard", "--site", path, "--set", rocks)
-        assert (ran.code, ran.err.count(said)) == (cli.DONE, 0), ran.err
-        assert ran.err.count(told) == number, ran.err
+
+
+def test_rocks_of_one_size_and_shape_are_told(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path
+) -> None:
+    """However heavy; another one of its shape is larger."""
+    boxes = {
+        "rock": BOX,
+        "heavy": BOX.replace("2110", "2700"),
+        "high": BOX.replace("1.2", "1.3"),
+        "large": BOX.replace("0.25, 0.5, 1.2", "0.5, 1.0, 2.4"),
+    }
+    for name, text in boxes.items():
+        vsr("run", "rock", "--site", write_site(text + GRID, name=name))
+    found = {name: xr.open_dataset(derived / name / "rock.nc") for name in boxes}
+    (said,) = alike_in_shape(found)
+    assert said.startswith("hazard.rocks: heavy has the size of rock, and tips as easily")
 
 
 def test_a_setting_that_a_comparison_cannot_have_is_refused_by_its_name(

@@ -34,6 +34,7 @@ from pipeline.stages.hazard.hazard_dataset import (
     table,
 )
 from pipeline.stages.hazard.hazard_model import MOST_PGA
+from pipeline.stages.hazard.one_rock import Other, alike_in_shape
 from pipeline.stages.hazard.open_ends import open_ends
 from pipeline.stages.hazard.other_rocks import Others, dated
 from pipeline.stages.hazard.rock_ages import of_age, years_observed
@@ -83,6 +84,10 @@ def make(
     for other, given in zip(beside.rocks, config.rocks, strict=True):
         now, known = other.fragility(fits.folder), (other.history, other.observed, other.earlier)
         rocks.append(dated(fits.folder, other.name, now, given.age, *known))
+    made = [one for one in beside.rocks if isinstance(one, Other)]
+    shapes = {one.name: RockData(one.folder(fits.folder)).data for one in made}
+    for alike in alike_in_shape({name: rock.data} | shapes):
+        work.log(f"hazard: {alike}")
     compared = {}
     if ensemble is not None:  # beside which settings are compared
         compared[sensitivity.AS_GIVEN if drawn else sensitivity.AS_TESTED] = (

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
+
+import numpy as np
+import xarray as xr
 
 from pipeline.config.hazard_schema import History
 from pipeline.config.layers import Origin, Site
@@ -47,11 +50,6 @@ class Other:
     def key(self) -> str:
         """Of its fragility, by its settings and files as they are."""
         return graph.identities(self.stage, self.site)[self.stage].key
-
-    @property
-    def shape(self) -> str:
-        """Key of the rock alone."""
-        return graph.identities("rock", self.site)["rock"].key
 
     @property
     def history(self) -> History:
@@ -111,7 +109,7 @@ class Archived:
 
 
 def alike(origin: Origin, *rocks: Other) -> Iterator[str]:
-    """Rocks that are alike in all that their fragilities are made of, or in shape, in words.
+    """Rocks that are alike in all that their fragilities are made of, in words.
 
     Refuses one whose file states what another one's does, and names the same files.
     """
@@ -126,9 +124,6 @@ def alike(origin: Origin, *rocks: Other) -> Iterator[str]:
             raise InputError(Problem(file, "hazard.rocks", given, rule, remedy))
         if one.key == other.key:
             yield f"hazard.rocks: {one.name} is as {other.name} in shape, settings and runs"
-        elif one.shape == other.shape:
-            said = f"{one.name} is the rock of {other.name} with other settings"
-            yield f"hazard.rocks: {said}, by its shape: each rock is counted once"
 
 
 def alike_in_archive(rocks: Sequence[Archived]) -> Iterator[str]:
@@ -136,3 +131,22 @@ def alike_in_archive(rocks: Sequence[Archived]) -> Iterator[str]:
     for other, one in combinations(rocks, 2):
         if one.medians == other.medians:
             yield f"hazard.rocks: {one.name} topples as {other.name} does, in either direction"
+
+
+def alike_in_shape(rocks: Mapping[str, xr.Dataset]) -> Iterator[str]:
+    """Rocks of the same size that tip at the same acceleration in each direction, in words.
+
+    Parameters
+    ----------
+    rocks : dict, from names to what ``rock.nc`` holds
+    """
+    for (name, other), (own, one) in combinations(rocks.items(), 2):
+        size = one.attrs["volume_m3"] / other.attrs["volume_m3"]
+        ease = one["tipping_pga"].values / other["tipping_pga"].values
+        if abs(size - 1.0) < _SAME and (np.abs(ease - 1.0) < _SAME).all():
+            said = f"{own} has the size of {name}, and tips as easily in each direction"
+            yield f"hazard.rocks: {said}: each rock is counted once"
+
+
+_SAME = 0.01
+"""Share by which a rock differs that was scanned, or scaled, twice."""
