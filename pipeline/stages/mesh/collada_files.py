@@ -102,22 +102,29 @@ _LENGTHS = {"millimeter": 1e-3, "centimeter": 1e-2, "meter": 1.0, "inch": 0.0254
 
 
 def _check_order(mesh: Element) -> None:
-    """Refuse coordinates from another number on than the first, or with others between them."""
+    """Refuse coordinates in another order than x, y, z, or apart from each other."""
     sources = [one for one in mesh if _name(one) == "source"]
     for one in (one for source in sources for one in source.iter() if _name(one) == "accessor"):
-        parts = sum(_name(part) == "param" for part in one)
+        names = [part.get("name") for part in one if _name(part) == "param"]
         told = int(one.get("offset", 0)), int(one.get("stride", 1))
-        if told != (0, parts):
-            given = f"an accessor from {told[0]} on in steps of {told[1]}, of {parts} numbers"
+        if told != (0, len(names)):
+            given = f"an accessor from {told[0]} on in steps of {told[1]}, of {len(names)} numbers"
             rule = "its numbers stand one after the other, from the first on"
             raise InvalidInput(given, rule, "export it again")
+        if sorted(map(str, names)) == [*"XYZ"] != names:
+            raise InvalidInput(f"coordinates {names}", "they are X, Y, Z", "export it again")
+    for one in (one for one in mesh if _name(one) == "vertices"):
+        if sum(part.get("semantic") == "POSITION" for part in one) > 1:
+            raise InvalidInput("vertices at two places", "each is at one", "export it again")
 
 
 def _check_names(tree: Element) -> None:
-    """Refuse two geometries of one name, or two sources within one."""
+    """Refuse two geometries of one name, two sources within one, or two nodes that are used."""
+    used = {one.get("url", "") for one in tree.iter() if _name(one) == "instance_node"}
+    nodes = [one for one in tree.iter() if _name(one) == "node" and f"#{one.get('id')}" in used]
     geometries = [one for one in tree.iter() if _name(one) == "geometry"]
     meshes = [list(one) for one in tree.iter() if _name(one) == "mesh"]
-    for parts in (geometries, *meshes):
+    for parts in (geometries, nodes, *meshes):
         names = Counter(one.get("id") for one in parts if one.get("id"))
         if twice := next((name for name, number in names.items() if number > 1), None):
             given = f"two parts that are named {twice!r}"

@@ -36,8 +36,8 @@ _SINGLE = 5126
 """Numbers in single precision."""
 
 
-def require_plain(file: BinaryIO) -> None:
-    """Refuse coordinates that are replaced, packed, made integers, deformed, or not as stated.
+def plain(file: BinaryIO) -> BinaryIO:
+    """A file whose coordinates are none that are replaced, packed, deformed, or not as stated.
 
     Raises
     ------
@@ -73,6 +73,8 @@ def require_plain(file: BinaryIO) -> None:
         raise InvalidInput(given, "its coordinates are plain", "export it without, or as .ply")
     file.seek(8, SEEK_CUR)
     _require_bounds(scene, file.read())
+    file.seek(0)
+    return file
 
 
 def _moves(matrix: list[float]) -> bool:

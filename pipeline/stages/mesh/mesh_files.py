@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import io
 import re
-from functools import partial
-from itertools import accumulate, takewhile
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
 from pipeline.config.outside import check_regular
-from pipeline.stages.mesh import collada_files, gltf_files
-from pipeline.stages.mesh.collada_files import other_count
+from pipeline.stages.mesh import collada_files, gltf_files, ply_files
 from pipeline.stages.mesh.gltf_files import COARSEST
 from vsr_core.errors import InvalidInput, reason
 
@@ -41,11 +39,8 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     kind = path.suffix[1:].lower()
     try:
         with path.open("rb") as file:
-            if kind in _CHECKS:
-                _CHECKS[kind](file)
-                file.seek(0)
-            text = _REWRITTEN[kind](file) if kind in _REWRITTEN else file
-            mesh = trimesh.load(text, file_type=kind, resolver={}, force="mesh", process=False)
+            taken = _AS_READ[kind](file) if kind in _AS_READ else file
+            mesh = trimesh.load(taken, file_type=kind, resolver={}, force="mesh", process=False)
     except InvalidInput:
         raise
     except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)
@@ -61,37 +56,6 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
         remedy = f"export it in metres, or say rock.scale: {unit} of a rock"
         raise InvalidInput(f"a unit of {unit} m in the file", "it is the metre", remedy)
     return mesh.apply_scale(scale)
-
-
-def _require_lines_of_ply(file: BinaryIO) -> None:
-    """Refuse a PLY file of text with other lines than it says; trimesh refuses a binary one."""
-    lines = (line.split() for line in iter(partial(file.readline, _LINE), b""))
-    header = list(takewhile(lambda words: words != [b"end_header"], lines))
-    if [b"format", b"ascii", b"1.0"] not in header:
-        return
-    held = [line.split() for line in file if line.strip()]
-    elements = [at for at, line in enumerate(header) if line[:1] == [b"element"]]
-    counts = [int(header[at][2]) for at in elements]
-    if len(held) != sum(counts):
-        raise other_count(f"{len(held)} lines where its header says {sum(counts)}")
-    for at, count, last in zip(elements, counts, accumulate(counts), strict=True):
-        of = takewhile(lambda line: line[:1] != [b"element"], header[at + 1 :])
-        lists = [line[1] == b"list" for line in of if line[:1] == [b"property"]]
-        if odd := next((one for one in held[last - count : last] if _numbers(one, lists)), None):
-            what = b" ".join(odd)[:40].decode("latin-1")
-            raise other_count(f"a line {what!r} of other numbers than its header says")
-
-
-def _numbers(line: list[bytes], lists: list[bool]) -> bool:
-    """Whether a line of PLY has others than one for each property, or the length of a list."""
-    at = 0
-    for is_list in lists:
-        at += 1 + (int(float(line[at])) if is_list and at < len(line) else 0)
-    return at != len(line)
-
-
-_LINE = 10_000
-"""Bytes of a line of PLY's header."""
 
 
 def _counted_from_the_first(file: BinaryIO) -> BinaryIO:
@@ -119,9 +83,13 @@ def _counted_from_the_first(file: BinaryIO) -> BinaryIO:
 
 _NO_VERTEX = re.compile(rb"^ *f (?:.* )?0(?=[ /\r\n]|\Z)", re.MULTILINE)
 
-_CHECKS = {"glb": gltf_files.require_plain, "ply": _require_lines_of_ply}
-
-_REWRITTEN = {"dae": collada_files.without_pictures, "obj": _counted_from_the_first}
+_AS_READ: dict[str, Callable[[BinaryIO], BinaryIO]] = {
+    "dae": collada_files.without_pictures,
+    "glb": gltf_files.plain,
+    "obj": _counted_from_the_first,
+    "ply": ply_files.of_triangles,
+}
+"""What trimesh reads of a file, by its format."""
 
 
 def _require_faces_of_vertices(mesh: trimesh.Trimesh) -> None:

@@ -30,10 +30,9 @@ from pipeline.config.outside import damaged_heap
 from vsr_core import GRAVITY
 from vsr_core.errors import InvalidInput
 from vsr_core.motions.pulses import CosinePulse
-from vsr_core.motions.records import processing
+from vsr_core.motions.records import instrument_response, processing
 from vsr_core.motions.records.columns import read_netcdf, read_table
 from vsr_core.motions.records.formats import Reading, from_stream, read, read_all
-from vsr_core.motions.records.instrument_response import check_stated_once
 from vsr_core.motions.records.processing import Processing, process
 from vsr_core.motions.records.record import Record, check_end, check_rest, factor, repaired
 from vsr_core.motions.records.text_files import read_at2, read_cosmos
@@ -900,16 +899,26 @@ def test_parts_of_a_response_are_counted_through(part: str, number: int) -> None
     obspy, xml = pytest.importorskip("obspy"), io.BytesIO()
     obspy.read_inventory().write(xml, format="STATIONXML")
     whole = xml.getvalue()
-    check_stated_once(whole)
+    instrument_response.check_stated_once(whole)
     first = next(n for n in (2, 3) if whole.count(f'<{part} number="{n}"'.encode()))
     before, after = (
         f'<{part} number="{n}"'.encode() for n in (first, first - 1 if number == 1 else number)
     )
     refusal(
-        lambda: check_stated_once(whole.replace(before, after, 1)),
+        lambda: instrument_response.check_stated_once(whole.replace(before, after, 1)),
         f"{part} in a",
         "follow each other",
     )
+
+
+@pytest.mark.parametrize(("least", "told"), [(0.5, 0), (-0.5, 1)])
+def test_amplitudes_of_a_response_below_0_are_told(least: float, told: int) -> None:
+    module = pytest.importorskip("obspy.core.inventory.response")
+    listed = [module.ResponseListElement(hertz, least * hertz, 0.0) for hertz in (1.0, 2.0, 5.0)]
+    units = 1, 1.0, 1.0, "M/S**2", "COUNTS"
+    stage = module.ResponseListResponseStage(*units, response_list_elements=listed)
+    found = list(instrument_response._doubts(module.Response(response_stages=[stage]), "HNE"))
+    assert found == ["amplitudes of HNE are below 0, which its phases are for"] * told
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.2])

@@ -113,6 +113,9 @@ def _doubts(response: Any, name: str) -> Iterator[str]:
     for stage in response.response_stages:
         if _OFF_ONE < abs((total := _sum(stage)) - 1.0) < _WHOLE_NUMBERS:
             yield f"coefficients of {name} sum to {total:.3g} and not to 1: signs may be lost"
+        listed = getattr(stage, "response_list_elements", ())
+        if any(float(one.amplitude) < 0.0 for one in listed):
+            yield f"amplitudes of {name} are below 0, which its phases are for"
         if str(getattr(stage, "pz_transfer_function_type", "")) in _LAPLACE:
             poles, zeros = (np.array(of, complex) for of in (stage.poles, stage.zeros))
             if not (_conjugate(poles) and _conjugate(zeros)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -191,6 +192,18 @@ def two_in_collada() -> bytes:
             lambda text: text.replace(b"<mesh>", b'<mesh><source id="a"/><source id="a"/>', 1),
             "two parts that are named 'a'",
         ),
+        (
+            lambda text: (
+                text.replace(b'name="Y"', b'name="?"', 1)
+                .replace(b'name="Z"', b'name="Y"', 1)
+                .replace(b'name="?"', b'name="Z"', 1)
+            ),
+            "they are X, Y, Z",
+        ),
+        (
+            lambda text: re.sub(rb'(<input semantic="POSITION"[^>]*>)', rb"\1\1", text),
+            "vertices at two places",
+        ),
         (lambda text: of_unit(text, b'name="centimeter" meter="0,01"'), "'centimeter' of 0,01 m"),
         (lambda text: of_unit(text, b'name="centimeter" meter="1"'), "'centimeter' of 1 m"),
         (lambda text: of_unit(text, b'meter="1"/><unit meter="1"'), "there is one"),
@@ -245,6 +258,7 @@ def test_a_shape_does_not_need_its_material(
         ("<rotate>0 0 2 90</rotate>", "an axis of length 1"),
         ("<skew>30 1 0 0 0 1 0</skew>", "skewed"),
         ('<instance_node url="#x"/>', "without a scene that can be read"),
+        ('<node id="a"/><node id="a"/><instance_node url="#a"/>', "two parts that are named 'a'"),
         ('<instance_geometry url="#x"/>', "2 shapes in its scene, of which 1 can be read"),
         ('<instance_controller url="#x"/>', "2 shapes in its scene, of which 1 can be read"),
     ],
@@ -286,6 +300,29 @@ def test_strips_and_fans_are_counted_by_their_faces(tmp_path: Path) -> None:
     (tmp_path / "rock.dae").write_bytes(re.sub(rb"</p><p>[^<]*</p>", b"</p>", text))
     with pytest.raises(InvalidInput, match="2 strips or fans, of which others"):
         mesh_files.read(tmp_path / "rock.dae")
+
+
+@pytest.mark.parametrize(("order", "named"), [("<", "little"), (">", "big")])
+def test_a_binary_ply_of_triangles_and_quadrilaterals_is_read(
+    tmp_path: Path, order: str, named: str
+) -> None:
+    """As Blender writes it: a pyramid of 1 x 1 x 1.5 m."""
+    points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0.5, 1.5)]
+    faces = [(3, 2, 1, 0), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]
+    head = f"ply\nformat binary_{named}_endian 1.0\nelement vertex 5\n"
+    head += "".join(f"property float {name}\n" for name in "xyz") + "property uchar red\n"
+    head += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    data = b"".join(struct.pack(f"{order}3fB", *point, 200) for point in points)
+    data += b"".join(struct.pack(f"{order}B{len(one)}i", len(one), *one) for one in faces)
+    path = tmp_path / "rock.ply"
+    path.write_bytes(head.encode() + data)
+    found = mesh_files.read(path)
+    assert (len(found.faces), found.is_watertight) == (6, True)
+    assert found.volume == pytest.approx(0.5)
+    for other in (data[:-1], data + b"\0"):
+        path.write_bytes(head.encode() + other)
+        with pytest.raises(InvalidInput, match="cannot be read"):
+            mesh_files.read(path)
 
 
 def test_guiding_lines_beside_a_rock_are_left_out(tmp_path: Path) -> None:
