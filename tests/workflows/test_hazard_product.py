@@ -904,7 +904,6 @@ def test_rocks_of_one_size_and_shape_are_told(
     boxes = {
         "rock": BOX,
         "heavy": BOX.replace("2110", "2700"),
-        "high": BOX.replace("1.2", "1.3"),
         "large": BOX.replace("0.25, 0.5, 1.2", "0.5, 1.0, 2.4"),
     }
     for name, text in boxes.items():

@@ -26,7 +26,7 @@ _MOVES = {name: f"{number} numbers" for name, number in _NUMBERS.items()} | {
 """What moves a node."""
 
 _OFF_ONE = 1e-4
-"""Rounding of the length of an axis, by which a rock changes its size twice."""
+"""Rounding of the length of an axis; by a longer one pycollada enlarges the rock."""
 
 _SHAPES = {"instance_geometry", "instance_controller"}
 
@@ -64,7 +64,10 @@ def without_pictures(file: BinaryIO) -> BinaryIO:
         raise InvalidInput(given, "it is COLLADA 1.4 with a scene", "export it again")
     _require_faces(tree, found)
     told, held = _told_shapes(tree), _held_shapes(found.scene.nodes)
-    if told != held or told > _MOST_SHAPES:
+    if told > _MOST_SHAPES:
+        rule = f"there are at most {_MOST_SHAPES:,}"
+        raise InvalidInput(f"{told:,} shapes in a scene", rule, "export the rock alone")
+    if told != held:
         raise other_count(f"{told} shapes in its scene, of which {held} can be read")
     shapes.seek(0)
     return shapes

@@ -123,9 +123,8 @@ def test_code_that_is_edited_once_it_is_read_is_not_kept(small: Path, imported: 
 
 def test_code_that_is_not_optimized_is_not_kept(small: Path) -> None:
     """It has places in memory that are those of one process."""
-    plain = {"NUMBA_OPT": "0"}
-    assert ask(small, **plain) == ["11.0 False"]
-    assert ask(small, **plain) == ["11.0 False"]
+    assert ask(small, NUMBA_OPT="0") == ["11.0 False"]
+    assert not kept(small)
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ import pytest
 import trimesh
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
+from support.bad_input import bounded
 from trimesh.exchange.dae import export_collada
 
 from pipeline import ROOT
@@ -284,6 +285,23 @@ def test_moves_of_a_scene_count(tmp_path: Path) -> None:
     )
     found = mesh_files.read(tmp_path / "rock.dae")
     assert found.volume == pytest.approx(2.0 * 0.125 * ball().volume, rel=1e-5)
+
+
+def test_a_scene_of_nodes_that_multiply_is_refused_at_once(tmp_path: Path) -> None:
+    """Thirty nodes, each with two of the one before."""
+    whole, doubling = export_collada(ball()).decode(), ""
+    shape = re.search(r"<instance_geometry.*</instance_geometry>", whole, re.DOTALL)
+    for n in range(1, 31):
+        doubling += f'<node id="n{n}">' + 2 * f'<instance_node url="#n{n - 1}"/>' + "</node>"
+    library = f'<library_nodes><node id="n0">{shape[0]}</node>{doubling}</library_nodes>'
+    text = whole.replace("<library_visual_scenes>", f"{library}<library_visual_scenes>")
+    text = text[::-1].replace(shape[0][::-1], '<instance_node url="#n30"/>'[::-1], 1)[::-1]
+    (tmp_path / "rock.dae").write_text(text)
+    with (
+        bounded(seconds=5.0, mebibytes=300.0),
+        pytest.raises(InvalidInput, match="1,073,741,824 shapes"),
+    ):
+        mesh_files.read(tmp_path / "rock.dae")
 
 
 def test_strips_and_fans_are_counted_by_their_faces(tmp_path: Path) -> None:
