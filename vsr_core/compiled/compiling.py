@@ -26,6 +26,7 @@ from typing import Any, TypeVar, cast
 
 import llvmlite
 import numba
+from numba.core import config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.serialize import dumps
 
@@ -163,7 +164,7 @@ class _KeptCode(FunctionCache):
             _tell(f"{path.parents[1]} cannot be written to ({error.strerror})")
 
     def _key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
-        return (self._named, *self._index_key(sig, codegen))
+        return (self._named, repr(vars(config)["OPT"]), *self._index_key(sig, codegen))
 
     def _file(self, folder: Path, key: tuple[Any, ...]) -> Path:
         module, _, function = self._named.partition(":")
