@@ -102,7 +102,9 @@ def test_a_constant_three_imports_away_changes_the_numbers(small: Path) -> None:
     assert ask(small) == ["15.0 True"]  # nothing compiled reaches that
 
 
-@pytest.mark.parametrize("imported", ["", "from vsr_core import asked"])
+@pytest.mark.parametrize(
+    "imported", [pytest.param("", marks=pytest.mark.slow), "from vsr_core import asked"]
+)
 def test_code_that_is_edited_once_it_is_read_is_not_kept(small: Path, imported: str) -> None:
     """Whether it is imported before that or afterwards: neither is what the folder is named by."""
     limits = small / "limits.py"
