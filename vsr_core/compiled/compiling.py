@@ -122,7 +122,9 @@ class _Code(CompileResultCacheImpl):
 
     def check_cachable(self, cres: Any) -> bool:
         """Whether it is the same in each process; with NUMBA_OPT=0 it has places in memory."""
-        return not cres.library.has_dynamic_globals and all(one.can_cache for one in cres.lifted)
+        parts = cres._asdict()
+        has_places = parts["library"].has_dynamic_globals
+        return not has_places and all(one.can_cache for one in parts["lifted"])
 
 
 class _KeptCode(FunctionCache):

@@ -52,7 +52,7 @@ def without_pictures(file: BinaryIO) -> BinaryIO:
     _check_names(tree)
     for one in tree.iter():
         if _name(one) == "float_array" and len(_words(one)) != int(one.get("count", -1)):
-            raise other_count(f"{one.get('count')} numbers of which others are there")
+            raise _other_count(f"{one.get('count')} numbers of which others are there")
         if _name(one) == "node":
             _check_moves(one)
         if _name(one) == "mesh":
@@ -68,7 +68,7 @@ def without_pictures(file: BinaryIO) -> BinaryIO:
         rule = f"there are at most {_MOST_SHAPES:,}"
         raise InvalidInput(f"{told:,} shapes in a scene", rule, "export the rock alone")
     if told != held:
-        raise other_count(f"{told} shapes in its scene, of which {held} can be read")
+        raise _other_count(f"{told} shapes in its scene, of which {held} can be read")
     shapes.seek(0)
     return shapes
 
@@ -76,7 +76,7 @@ def without_pictures(file: BinaryIO) -> BinaryIO:
 _PICTURES = {"bind_material", "library_effects", "library_images", "library_materials"}
 
 
-def other_count(what: str) -> InvalidInput:
+def _other_count(what: str) -> InvalidInput:
     """Of a file that does not hold as much as it says."""
     return InvalidInput(f"a file of {what}", "it holds as many as it says", "export it again")
 
@@ -173,7 +173,7 @@ def _require_faces(tree: Element, found: Any) -> None:
         faces = [len(one) for one in geometry.primitives if not isinstance(one, lines)]
         held[str(geometry.id)] = sum(faces)
     if lost := next((name for name in told if told[name] != held[name]), None):
-        raise other_count(f"{told[lost]} faces of {lost!r}, of which {held[lost]} can be read")
+        raise _other_count(f"{told[lost]} faces of {lost!r}, of which {held[lost]} can be read")
 
 
 def _faces(part: Element) -> int:
@@ -185,7 +185,7 @@ def _faces(part: Element) -> int:
     each = 1 + max(int(one.get("offset", 0)) for one in part if _name(one) == "input")
     corners = [len(_words(one)) // each for one in part if _name(one) == "p"]
     if len(corners) != int(part.get("count", 0)):
-        raise other_count(f"{part.get('count')} strips or fans, of which others are there")
+        raise _other_count(f"{part.get('count')} strips or fans, of which others are there")
     return sum(corners) - 2 * len(corners)
 
 
@@ -201,7 +201,7 @@ def _told_shapes(tree: Element) -> int:
             return 1
         if _name(one) == "instance_node":
             return shapes(named[one.get("url", "").removeprefix("#")])
-        return sum(shapes(part) for part in one if _name(part) in {*_SHAPES, *_NODES})
+        return sum(shapes(part) for part in one if _name(part) in _SHAPES | _NODES)
 
     return shapes(scene)
 

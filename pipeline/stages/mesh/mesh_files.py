@@ -66,7 +66,7 @@ def _counted_from_the_first(file: BinaryIO) -> BinaryIO:
     textures and normals are left, as neither is used.
     """
     text = file.read().replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    text = re.sub(rb" *#.*", b"", text.replace(b"\t", b" "))  # trimesh knows no tabs
+    text = re.sub(rb"#.*", b"", text.replace(b"\t", b" "))  # trimesh knows no tabs
     if _NO_VERTEX.search(text):
         raise InvalidInput("a face of vertex 0", "the first vertex is 1", "export it again")
     text = b"\n" + re.sub(rb"\\\r?\n", b"", text.strip())  # without lines that go on in the next

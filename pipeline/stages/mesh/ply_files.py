@@ -6,17 +6,20 @@ By "PLY - Polygon File Format" (Turk, 1994).
 from __future__ import annotations
 
 import io
+from array import array
 from functools import partial
 from itertools import accumulate, takewhile
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
-from pipeline.stages.mesh.collada_files import other_count
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Indices
+from vsr_core.errors import InvalidInput
 
 _LINE = 10_000
 """Bytes of a line of a header."""
+
+_RULE = "it holds as many as it says"
 
 _KINDS = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -72,13 +75,15 @@ def _require_lines(file: BinaryIO, elements: list[_Element]) -> None:
     held = [line.split() for line in file if line.strip()]
     counts = [one.number for one in elements]
     if len(held) != sum(counts):
-        raise other_count(f"{len(held)} lines where its header says {sum(counts)}")
+        given = f"a file of {len(held)} lines where its header says {sum(counts)}"
+        raise InvalidInput(given, _RULE, "export it again")
     for one, last in zip(elements, accumulate(counts), strict=True):
         lists = [words[0] == "list" for words in one.properties]
         own = held[last - one.number : last]
         if odd := next((line for line in own if _numbers(line, lists)), None):
             what = b" ".join(odd)[:40].decode("latin-1")
-            raise other_count(f"a line {what!r} of other numbers than its header says")
+            given = f"a file of a line {what!r} of other numbers than its header says"
+            raise InvalidInput(given, _RULE, "export it again")
 
 
 def _numbers(line: list[bytes], lists: list[bool]) -> bool:
@@ -95,25 +100,36 @@ def _triangles(data: bytes, order: str, vertex: _Element, face: _Element) -> Bin
         return None
     counted, corner = (np.dtype(order + _KINDS[kind]) for kind in face.properties[0][1:3])
     point = np.dtype([(words[-1], order + _KINDS[words[0]]) for words in vertex.properties])
-    start = vertex.number * point.itemsize
-    ends, fans = start, list[Array]()
-    while ends < len(data) and len(fans) < face.number:
-        size = int(np.frombuffer(data, counted, 1, ends)[0])
-        if ends == start and len(data) - start == face.number * (
-            counted.itemsize + size * corner.itemsize
-        ):
+    start, end = vertex.number * point.itemsize, len(data)
+    places, sizes = array("q"), array("q")
+    at = start
+    while at < end and len(places) < face.number and counted.kind in "iu":
+        size = int(np.frombuffer(data, counted, 1, at)[0])
+        step = counted.itemsize + size * corner.itemsize
+        if size < 0 or (at == start and end - start == face.number * step):
             return None
-        fans.append(np.frombuffer(data, corner, size, ends + counted.itemsize).astype("<i4"))
-        ends += counted.itemsize + size * corner.itemsize
-    if ends != len(data) or len(fans) != face.number:
+        places.append(at + counted.itemsize)
+        sizes.append(size)
+        at += step
+    if at != end or len(places) != face.number:
         return None  # which trimesh refuses
     points = np.frombuffer(data, point, vertex.number)
     xyz = np.column_stack([points[name] for name in "xyz"]).astype("<f8")
-    corners = [(fan[0], fan[at], fan[at + 1]) for fan in fans for at in range(1, len(fan) - 1)]
-    return _written(xyz, np.array(corners, dtype="<i4").reshape(-1, 3))
+    first, many = np.array(places), np.array(sizes)
+    fans = [_fans(data, corner, first[many == size], int(size)) for size in np.unique(many)]
+    return _written(xyz, np.concatenate(fans))
 
 
-def _written(points: Array, corners: Array) -> BinaryIO:
+def _fans(data: bytes, corner: np.dtype[Any], places: Indices, size: int) -> Indices:
+    """Triangles of faces of so many corners, shape (k, 3): each has the face's first."""
+    beside = np.arange(size * corner.itemsize)
+    held = np.frombuffer(data, np.uint8)[places[:, None] + beside]
+    names = np.frombuffer(held.tobytes(), corner).reshape(-1, size).astype(np.int64)
+    parts = [names[:, [0, at, at + 1]] for at in range(1, size - 1)]
+    return np.concatenate([np.empty((0, 3), np.int64), *parts])
+
+
+def _written(points: Array, corners: Indices) -> BinaryIO:
     rows = np.empty(len(corners), np.dtype([("number", "u1"), ("corners", "<i4", 3)]))
     rows["number"], rows["corners"] = 3, corners
     head = "".join(f"property double {name}\n" for name in "xyz")

@@ -343,6 +343,23 @@ def test_a_binary_ply_of_triangles_and_quadrilaterals_is_read(
             mesh_files.read(path)
 
 
+def test_a_binary_ply_of_lists_of_no_length_is_refused_at_once(tmp_path: Path) -> None:
+    """Of lengths below 0, by which a reader would go backwards."""
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 1\n"
+    head += "".join(f"property float {name}\n" for name in "xyz")
+    head += "element face 2000000000\nproperty list char int vertex_indices\nend_header\n"
+    (tmp_path / "rock.ply").write_bytes(head.encode() + bytes(13) + b"\xff" * 10_000)
+    with bounded(seconds=5.0, mebibytes=100.0), pytest.raises(InvalidInput, match="cannot be read"):
+        mesh_files.read(tmp_path / "rock.ply")
+
+
+def test_an_obj_of_a_million_blanks_is_read_at_once(tmp_path: Path) -> None:
+    text = ball().export(file_type="obj") + "\nf" + " " * 1_000_000 + "1 2 3\n"
+    (tmp_path / "rock.obj").write_text(text)
+    with bounded(seconds=5.0, mebibytes=200.0):
+        assert len(mesh_files.read(tmp_path / "rock.obj").faces) == len(ball().faces) + 1
+
+
 def test_guiding_lines_beside_a_rock_are_left_out(tmp_path: Path) -> None:
     lines = b'<geometry id="guide"><mesh><linestrips count="1"/></mesh></geometry>'
     whole = export_collada(ball()).replace(b"<library_geometries>", b"<library_geometries>" + lines)
