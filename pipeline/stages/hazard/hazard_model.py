@@ -138,6 +138,11 @@ class GivenCurve(Row):
             raise Refused(rule, "correct the units of levels or rates", "values", given)
         return self
 
+    @property
+    def certain(self) -> int:
+        """How many of its first levels have a probability of 1, and so no rate."""
+        return self.values.count(1.0) if self.years else 0
+
     def curve(self) -> HazardCurve:
         """The curve in SI, up to its last level that is ever exceeded."""
         levels = UNITS[self.measure] * np.array(self.levels)
@@ -181,14 +186,17 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
         raise refused(source, "PGV", given, rule, remedy)
     check_sum(source, "weight", [row.weight for row in rows])
     total = sum(row.weight for row in rows)
-    branches, begun, ended = [], dict.fromkeys(UNITS, 0), dict.fromkeys(UNITS, 0)
+    branches, ended = [], dict.fromkeys(UNITS, 0)
+    begun = {
+        name: max(one.certain for _, one in of_measure)
+        for name in UNITS
+        if (of_measure := [curves[at, name] for at in told if (at, name) in curves])
+    }
     for row in (row for row in rows if row.weight > 0.0):
-        of_row = {name: curves[row.rlz_id, name] for name in UNITS if (row.rlz_id, name) in curves}
-        made = {name: one.curve() for name, (_, one) in of_row.items()}
+        of_row = {name: curves[row.rlz_id, name] for name in begun}
+        made = {name: _from(begun[name], *of_row[name]) for name in begun}
         for name, (_, one) in of_row.items():
-            certain = one.values.count(1.0) if one.years else 0
-            begun[name] += certain
-            ended[name] += len(one.levels) - len(made[name].levels) - certain
+            ended[name] += len(one.levels) - len(made[name].levels) - begun[name]
         pga, pgv = made["PGA"], made.get("PGV")
         if pgv:
             _together(of_row["PGV"][0], pga, pgv)
@@ -200,13 +208,31 @@ def model(source: Path, curves: Curves, rows: list[Realization], *unused: str) -
     unused += tuple(
         f"{counted(count, 'level')} of {name} {said}"
         for said, number in (
-            ("of a probability of 1 left out, at beginnings of curves", begun),
+            ("left out at the beginning of all curves, as in some the probability is 1", begun),
             ("that nothing exceeds left out, at ends of curves", ended),
         )
         for name, count in number.items()
         if count
     )
     return HazardModel(tuple(branches), (one.lon, one.lat), (*unused, *_far_apart(branches)))
+
+
+def _from(first: int, path: Path, given: GivenCurve) -> HazardCurve:
+    """A curve from the level on from which all of a model have a rate, so that their mean has one.
+
+    Raises
+    ------
+    InputError
+        If fewer than two levels of it are left.
+    """
+    whole = given.curve()
+    start = first - given.certain
+    try:
+        return HazardCurve(whole.levels[start:], whole.rates[start:])
+    except InvalidInput:
+        rule = "two levels have a rate in all of them, of a probability below 1"
+        said = f"one of several curves, of which some have a probability of 1 at {first} levels"
+        raise refused(path, "values", said, rule, "export them for fewer years") from None
 
 
 def held(curves: Curves) -> Iterator[str]:

@@ -252,8 +252,13 @@ def test_what_is_no_calculation_of_one_site_is_refused(tmp_path: Path) -> None:
     certain = written(tmp_path / "certain.hdf5")
     with h5py.File(certain, "r+") as file:
         file["hcurves-rlzs"][0, 0, 0, 0] = 1.0
-    (said,) = curve_folder.load(certain).unused
-    assert said == "1 level of PGA of a probability of 1 left out, at beginnings of curves"
+    whole, cut = (curve_folder.load(path) for path in (written(tmp_path / "whole.hdf5"), certain))
+    (said,) = cut.unused
+    left_out = "left out at the beginning of all curves, as in some the probability is 1"
+    assert said == f"1 level of PGA {left_out}"
+    for one, other in zip(whole.branches, cut.branches, strict=True):  # or the mean lacks a rate
+        assert other.pga.levels.tolist() == one.pga.levels[1:].tolist()
+        assert other.pga.rates.tolist() == one.pga.rates[1:].tolist()
     with h5py.File(certain, "r+") as file:
         file["hcurves-rlzs"][0, 0, 0, 1] = 1.0
         file["hcurves-rlzs"][0, 0, 0, 0] = 0.5
