@@ -14,7 +14,7 @@ from vsr_core.errors import InvalidInput, InvalidPlace
 from vsr_core.rock.body import Rock, convex_hull
 from vsr_core.rock.size import check_size
 from vsr_core.rock.tipping import settle
-from vsr_core.rock.triangles import self_intersections
+from vsr_core.rock.triangles import of_no_face, self_intersections
 
 if TYPE_CHECKING:  # runs take rocks, and need not wait for what reads meshes
     import trimesh
@@ -244,7 +244,7 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     InvalidPlace
         If it intersects itself.
     """
-    repaired = []
+    repaired = of_no_face(len(mesh.vertices), np.asarray(mesh.faces))
     _require_a_rock(mesh)
     size = float(np.ptp(mesh.vertices, axis=0).max())
     mesh = mesh.copy()

@@ -55,6 +55,18 @@ def chunks(count: int, size: int = _CHUNK) -> list[slice]:
     return [slice(first, first + size) for first in range(0, count, size)]
 
 
+def of_no_face(number: int, faces: Indices) -> list[str]:
+    """How many of so many vertices no face has, in words, as where faces were lost.
+
+    Examples
+    --------
+    >>> of_no_face(4, np.array([[0, 1, 2]])), of_no_face(3, np.array([[0, 1, 2]]))
+    (['1 of 4 vertices, which no face has, left out'], [])
+    """
+    alone = number - np.count_nonzero(np.bincount(faces.ravel(), minlength=number))
+    return [f"{alone} of {number} vertices, which no face has, left out"] if alone else []
+
+
 def cells_of_boxes(first: Indices, last: Indices) -> tuple[Indices, Indices]:
     """Cells of a regular grid that boxes reach into.
 

@@ -12,7 +12,7 @@ from trimesh.graph import connected_component_labels
 
 from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput, InvalidPlace
-from vsr_core.rock.triangles import areas, chunks, cross_products
+from vsr_core.rock.triangles import areas, chunks, cross_products, of_no_face
 from vsr_core.scan.topology import edges, ends, split_fans
 from vsr_core.terrain.surface import Terrain
 
@@ -67,7 +67,7 @@ def clean(mesh: trimesh.Trimesh, *, alone: bool = False) -> Cleaned:
         in several large pieces, beside a closed rock, not a surface, or without outside.
     """
     _require_memory(mesh)
-    notes: list[str] = []
+    notes = of_no_face(len(mesh.vertices), np.asarray(mesh.faces))
     colours = colours_of(mesh)
     vertices, offset, faces = _near_origin(mesh, notes)
     if not alone:

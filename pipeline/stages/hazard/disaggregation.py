@@ -124,6 +124,9 @@ def load_disaggregation(path: Path) -> Disaggregation:
     )
     _check(path, bins)
     unused += _other_wholes(bins)
+    together = _together(bins)
+    if not together.isna().all():
+        bins = bins.assign(share=_rates(path, bins["share"]))
     grid = bins.groupby(["iml", "mag", "dist"])["share"].sum().unstack(["mag", "dist"])
     if (bins["share"] == 0.0).any() and grid.isna().any(axis=None):
         rule = "a file that holds empty bins holds all"
@@ -138,7 +141,7 @@ def load_disaggregation(path: Path) -> Disaggregation:
     values = grid.to_numpy()
     levels = UNITS["PGA"] * grid.index.to_numpy(dtype=np.float64)
     shares = values / values.sum(axis=1, keepdims=True)
-    poe = bins.groupby("iml")["poe"].max().where(lambda told: told > 0.0, _together(bins))
+    poe = bins.groupby("iml")["poe"].max().where(lambda told: told > 0.0, together)
     years = bins.groupby("iml")["years"].max()
     rates = (-np.log1p(-poe.where(poe < 1.0)) / years).loc[grid.index].to_numpy(dtype=np.float64)
     location = None if place is None else (place.lon, place.lat)
@@ -171,6 +174,17 @@ def _together(bins: pd.DataFrame) -> pd.Series[float]:
     sums = shares.sum()
     conditional = ((sums == 0.0) | ((sums - 1.0).abs() <= SUM)).all()
     return shares.agg(lambda part: np.nan if conditional else 1.0 - np.prod(1.0 - part))
+
+
+def _rates(path: Path, shares: pd.Series[float]) -> pd.Series[float]:
+    """Mean numbers of earthquakes of bins in the years of their probabilities.
+
+    Of ten times as many years a bin has ten times the earthquakes, and not ten times the chance.
+    """
+    if (shares == 1.0).any():
+        rule, remedy = "it is below 1, or has no rate", "export it for fewer years"
+        raise refused(path, "poe", "a bin of a probability of 1", rule, remedy)
+    return shares.map(lambda share: -np.log1p(-share))
 
 
 def _other_wholes(bins: pd.DataFrame) -> Iterator[str]:

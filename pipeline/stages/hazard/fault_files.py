@@ -29,7 +29,7 @@ from vsr_core.arrays import Array
 from vsr_core.hazard.scenarios import GroundMotionTable
 
 _Magnitude = Annotated[float, Field(ge=3, le=10)]
-_LogSd = Annotated[float, Field(gt=0, le=2)]
+_LogSd = Annotated[float, Field(ge=0.05, le=2)]  # of published models 0.3 to 1
 """Models have 0.4 to 1."""
 
 _MOST = 5_000

@@ -242,9 +242,10 @@ def held(curves: Curves) -> Iterator[str]:
     """
     found = []
     for path, one in curves.values():
+        most = np.inf if one.years is None else 1.0  # near which probabilities have few digits
         pairs = zip(one.values, one.values[1:], strict=False)
         same = [value for below, value in pairs if below == value and 0.0 < value < one.values[0]]
-        if number := sum(_digits(value) >= _FINE for value in same):
+        if number := sum(_digits(min(value, most - value)) >= _FINE for value in same):
             found.append(f"{counted(number, 'value')} of {one.measure} in {path.name}")
     if found:
         others = f", and some of {counted(len(found) - 1, 'other curve')}" if found[1:] else ""
@@ -254,9 +255,12 @@ def held(curves: Curves) -> Iterator[str]:
 _FINE = 4
 """Digits of values that are not alike by chance."""
 
+_EXACT = 12
+"""Decimals of 1 less a probability that are not of rounding."""
+
 
 def _digits(value: float) -> int:
-    return len(f"{value:.9e}".partition("e")[0].replace(".", "").rstrip("0"))
+    return len(f"{round(value, _EXACT):.9e}".partition("e")[0].replace(".", "").rstrip("0"))
 
 
 def _far_apart(branches: Sequence[Branch]) -> Iterator[str]:

@@ -8,17 +8,18 @@ from __future__ import annotations
 import io
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any, BinaryIO
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+from pipeline.stages.mesh.gltf_files import check_repeated
 from vsr_core.errors import InvalidInput
 
 _SURFACES, _STRIPS = {"triangles", "polylist", "polygons"}, {"trifans", "tristrips"}
 
-_NUMBERS = {"lookat": 9, "matrix": 16, "rotate": 4, "scale": 3, "translate": 3}
+_NUMBERS = {"matrix": 16, "rotate": 4, "scale": 3, "translate": 3}
 _MOVES = {name: f"{number} numbers" for name, number in _NUMBERS.items()} | {
     "matrix": "16 numbers, the last of them 0 0 0 1",
     "rotate": "4 numbers: an axis of length 1, and degrees",
@@ -29,9 +30,6 @@ _OFF_ONE = 1e-4
 """Rounding of the length of an axis; by a longer one pycollada enlarges the rock."""
 
 _SHAPES = {"instance_geometry", "instance_controller"}
-
-_MOST_SHAPES = 100_000
-"""In a scene, each as often as it is there."""
 
 
 def without_pictures(file: BinaryIO) -> BinaryIO:
@@ -62,11 +60,10 @@ def without_pictures(file: BinaryIO) -> BinaryIO:
     if found.scene is None:
         given = f"COLLADA {tree.get('version')} without a scene that can be read"
         raise InvalidInput(given, "it is COLLADA 1.4 with a scene", "export it again")
-    _require_faces(tree, found)
-    told, held = _told_shapes(tree), _held_shapes(found.scene.nodes)
-    if told > _MOST_SHAPES:
-        rule = f"there are at most {_MOST_SHAPES:,}"
-        raise InvalidInput(f"{told:,} shapes in a scene", rule, "export the rock alone")
+    faces = _require_faces(tree, found)
+    told, held = _in_scene(tree, lambda _: 1), _held_shapes(found.scene.nodes)
+    shown = _in_scene(tree, lambda one: faces[one.get("url", "").removeprefix("#")])
+    check_repeated(told, shown, faces.total())
     if told != held:
         raise _other_count(f"{told} shapes in its scene, of which {held} can be read")
     shapes.seek(0)
@@ -91,12 +88,14 @@ def _words(one: Element) -> list[str]:
 
 def _check_unit(tree: Element) -> None:
     """Refuse a unit that is no length, or another than its name says; 1 m is taken for none."""
-    units = [one for part in tree if _name(part) == "asset" for one in part if _name(one) == "unit"]
-    for unit in units:
+    units = _units(tree)
+    whole = units[0].get("meter", "1") if units else "1"
+    for unit in _units(tree.iter()):
         name, metres = str(unit.get("name")).lower(), unit.get("meter", "1")
         known = [one for word, one in _LENGTHS.items() if name in (word, f"{word}s")]
         is_known = _is_number(metres) and float(metres) > 0.0
-        if len(units) > 1 or not is_known or (float(metres) == 1.0 and known not in ([], [1.0])):
+        is_off = not is_known or (float(metres) == 1.0 and known not in ([], [1.0]))
+        if is_off or len(units) > 1 or metres != whole:
             given = f"a unit {unit.get('name')!r} of {metres} m"
             raise InvalidInput(given, "there is one, and a length", "export it in metres")
 
@@ -104,10 +103,18 @@ def _check_unit(tree: Element) -> None:
 _LENGTHS = {"millimeter": 1e-3, "centimeter": 1e-2, "meter": 1.0, "inch": 0.0254, "foot": 0.3048}
 
 
+def _units(parts: Iterable[Element]) -> list[Element]:
+    assets = (part for part in parts if _name(part) == "asset")
+    return [one for asset in assets for one in asset if _name(one) == "unit"]
+
+
 def _check_order(mesh: Element) -> None:
     """Refuse coordinates in another order than x, y, z, or apart from each other."""
-    sources = [one for one in mesh if _name(one) == "source"]
-    for one in (one for source in sources for one in source.iter() if _name(one) == "accessor"):
+    parts = [(source, one) for source in mesh if _name(source) == "source" for one in source.iter()]
+    for source, one in ((source, one) for source, one in parts if _name(one) == "accessor"):
+        if one.get("source") not in [f"#{held.get('id')}" for held in source]:
+            given = f"an accessor of {one.get('source')!r}, beside which it is not"
+            raise InvalidInput(given, "it is of the numbers beside it", "export it again")
         names = [part.get("name") for part in one if _name(part) == "param"]
         told = int(one.get("offset", 0)), int(one.get("stride", 1))
         if told != (0, len(names)):
@@ -137,8 +144,9 @@ def _check_names(tree: Element) -> None:
 def _check_moves(node: Element) -> None:
     for one in node:
         name = _name(one)
-        if name == "skew":
-            raise InvalidInput("a node that is skewed", "it is not", "export it without")
+        if name == "skew" or (name == "lookat" and _shapes_under(node)):
+            rule = "it is turned, scaled and moved only"
+            raise InvalidInput(f"a node with a {name}", rule, "export it without")
         if name in _MOVES and not _is_move(name, words := _words(one)):
             given = f"a {name} of {' '.join(words)[:40]!r}"
             raise InvalidInput(given, f"it has {_MOVES[name]}", "export it again")
@@ -161,7 +169,8 @@ def _is_number(word: str) -> bool:
         return False
 
 
-def _require_faces(tree: Element, found: Any) -> None:
+def _require_faces(tree: Element, found: Any) -> Counter[str]:
+    """How many faces each geometry has, which are all that can be read of it."""
     import collada
 
     told, held = Counter[str](), Counter[str]()
@@ -174,23 +183,39 @@ def _require_faces(tree: Element, found: Any) -> None:
         held[str(geometry.id)] = sum(faces)
     if lost := next((name for name in told if told[name] != held[name]), None):
         raise _other_count(f"{told[lost]} faces of {lost!r}, of which {held[lost]} can be read")
+    return told
 
 
 def _faces(part: Element) -> int:
-    """Faces of a part of a geometry; in a strip or fan, each has two corners of the one before."""
-    if _name(part) in _SURFACES:
-        return int(part.get("count", 0))
-    if _name(part) not in _STRIPS:
+    """Faces of a part of a geometry, where its corners are as many as it says.
+
+    In a strip or fan, each face has two corners of the one before.
+    """
+    name = _name(part)
+    if name not in _SURFACES | _STRIPS:
         return 0
+    count = int(part.get("count", 0))
     each = 1 + max(int(one.get("offset", 0)) for one in part if _name(one) == "input")
-    corners = [len(_words(one)) // each for one in part if _name(one) == "p"]
-    if len(corners) != int(part.get("count", 0)):
-        raise _other_count(f"{part.get('count')} strips or fans, of which others are there")
-    return sum(corners) - 2 * len(corners)
+    words = [_words(one) for one in part if _name(one) == "p"]
+    corners = [len(one) / each for one in words]
+    sizes = [int(word) for one in part if _name(one) == "vcount" for word in _words(one)]
+    together = name in ("triangles", "polylist")
+    told = [sum(sizes) if name == "polylist" else 3 * count] if together else corners
+    fits = (corners or [0.0]) == told if together else len(corners) == count
+    fits = fits and (name != "polylist" or len(sizes) == count)
+    are_whole = all(word.isdigit() for one in words for word in one)
+    if not (fits and are_whole and all(map(float.is_integer, corners))) or _has_holes(part):
+        raise _other_count(f"{count} {name} whose corners are others")
+    return int(sum(corners)) - 2 * count if name in _STRIPS else count
 
 
-def _told_shapes(tree: Element) -> int:
-    """Shapes in the scene, by the file's text."""
+def _has_holes(part: Element) -> bool:
+    """Whether faces have holes, which pycollada leaves out."""
+    return any(_name(one) == "ph" for one in part)
+
+
+def _in_scene(tree: Element, of: Callable[[Element], int]) -> int:
+    """Sum over the shapes in the scene, by the file's text, each as often as it is there."""
     named = {one.get("id"): one for one in tree.iter() if _name(one) in ("node", "visual_scene")}
     shown = (one for one in tree.iter() if _name(one) == "instance_visual_scene")
     scene = named[next(shown).get("url", "").removeprefix("#")]
@@ -198,12 +223,16 @@ def _told_shapes(tree: Element) -> int:
     @cache
     def shapes(one: Element) -> int:
         if _name(one) in _SHAPES:
-            return 1
+            return of(one)
         if _name(one) == "instance_node":
             return shapes(named[one.get("url", "").removeprefix("#")])
         return sum(shapes(part) for part in one if _name(part) in _SHAPES | _NODES)
 
     return shapes(scene)
+
+
+def _shapes_under(node: Element) -> bool:
+    return any(_name(one) in _SHAPES | {"instance_node"} for one in node.iter())
 
 
 _NODES = {"node", "instance_node"}

@@ -71,10 +71,39 @@ def plain(file: BinaryIO) -> BinaryIO:
     if needed := [*needed, *(name for name, has in odd.items() if has)]:
         given = f"a glTF file that needs {listed(needed)}"
         raise InvalidInput(given, "its coordinates are plain", "export it without, or as .ply")
+    _require_few(scene)
     file.seek(8, SEEK_CUR)
     _require_bounds(scene, file.read())
     file.seek(0)
     return file
+
+
+def _require_few(scene: dict[str, Any]) -> None:
+    """Refuse a scene in which shapes stand more often than memory is for."""
+    counts = [one["count"] // 3 for one in scene.get("accessors", ())]
+    faces = [
+        sum(counts[part.get("indices", part["attributes"]["POSITION"])] for part in parts)
+        for parts in (mesh["primitives"] for mesh in scene.get("meshes", ()))
+    ]
+    shown = [faces[node["mesh"]] for node in scene.get("nodes", ()) if "mesh" in node]
+    check_repeated(len(shown), sum(shown), sum(faces))
+
+
+def check_repeated(shapes: int, faces: int, stored: int) -> None:
+    """Refuse a scene of too many shapes, or of far more faces than its file holds.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if shapes > MOST_SHAPES or faces - stored > MOST_REPEATED:
+        given = f"{shapes:,} shapes of {faces:,} faces in a scene, where {stored:,} are stored"
+        rule = f"they are at most {MOST_SHAPES:,}, of {MOST_REPEATED:,} faces more than that"
+        raise InvalidInput(given, rule, "export the rock alone")
+
+
+MOST_SHAPES, MOST_REPEATED = 10_000, 1_000_000
+"""In a scene, each as often as it is there."""
 
 
 def _moves(matrix: list[float]) -> bool:

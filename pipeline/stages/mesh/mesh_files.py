@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -11,7 +9,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 
 from pipeline.config.outside import check_regular
-from pipeline.stages.mesh import collada_files, gltf_files, ply_files
+from pipeline.stages.mesh import collada_files, gltf_files, ply_files, text_meshes
 from pipeline.stages.mesh.gltf_files import COARSEST
 from vsr_core.errors import InvalidInput, reason
 
@@ -20,6 +18,10 @@ if TYPE_CHECKING:
 
 LARGEST_FILE = 2 * 1024**3
 """Bytes of a file: of some forty million faces, which take some tens of gigabytes of memory."""
+
+
+_SAME_UNIT = 1e-3
+"""Rounding of a unit, as of 0.0254 m."""
 
 
 def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
@@ -39,57 +41,44 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     kind = path.suffix[1:].lower()
     try:
         with path.open("rb") as file:
-            taken = _AS_READ[kind](file) if kind in _AS_READ else file
-            mesh = trimesh.load(taken, file_type=kind, resolver={}, force="mesh", process=False)
+            mesh = _loaded(file, kind)
     except InvalidInput:
         raise
     except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)
         raise InvalidInput(
             f"a file that cannot be read ({reason(error)})", "it is a mesh", "export it again"
         ) from None
-    if not isinstance(mesh, trimesh.Trimesh):
-        mesh = trimesh.Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=int))
     _require_faces_of_vertices(mesh)
     _require_fine_steps(mesh)
-    if scale == 1.0 and mesh.units not in (None, "meters"):
-        unit = f"{trimesh.units.unit_conversion(mesh.units, 'meters'):.10g}"
-        remedy = f"export it in metres, or say rock.scale: {unit} of a rock"
-        raise InvalidInput(f"a unit of {unit} m in the file", "it is the metre", remedy)
+    of_file = trimesh.units.unit_conversion(mesh.units or "meters", "meters")
+    if of_file != 1.0 and abs(scale / of_file - 1.0) > _SAME_UNIT:
+        beside = "" if scale == 1.0 else f", and rock.scale: {scale:g}"
+        remedy = f"export it in metres, or say rock.scale: {of_file:.10g} of a rock"
+        given = f"a unit of {of_file:.10g} m in the file{beside}"
+        raise InvalidInput(given, "it is the metre" if scale == 1.0 else "they agree", remedy)
     return mesh.apply_scale(scale)
 
 
-def _counted_from_the_first(file: BinaryIO) -> BinaryIO:
-    """An OBJ text whose faces name no vertices by how far before the face they are.
+def _loaded(file: BinaryIO, kind: str) -> trimesh.Trimesh:
+    import trimesh
 
-    Such negative numbers count back from the face's own line ("Object Files", appendix B1 of the
-    manual of Wavefront's Advanced Visualizer); trimesh counts from the end of the file. Those of
-    textures and normals are left, as neither is used.
-    """
-    text = file.read().replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    text = re.sub(rb"#.*", b"", text.replace(b"\t", b" "))  # trimesh knows no tabs
-    if _NO_VERTEX.search(text):
-        raise InvalidInput("a face of vertex 0", "the first vertex is 1", "export it again")
-    text = b"\n" + re.sub(rb"\\\r?\n", b"", text.strip())  # without lines that go on in the next
-    vertices, seen = range(1, 1), 0
-
-    def face(line: re.Match[bytes]) -> bytes:
-        nonlocal vertices, seen
-        more = text.count(b"\nv ", seen, line.start())
-        vertices, seen = range(1, len(vertices) + more + 1), line.start()
-        return re.sub(rb"(?<= )-\d+", lambda back: b"%d" % vertices[int(back[0])], line[0])
-
-    return io.BytesIO(re.sub(rb"^f .*-.*", face, text, flags=re.MULTILINE))
+    taken = _AS_READ[kind](file)
+    if isinstance(taken, trimesh.Trimesh):
+        return taken
+    mesh = trimesh.load(taken, file_type=kind, resolver={}, force="mesh", process=False)
+    if isinstance(mesh, trimesh.Trimesh):
+        return mesh
+    return trimesh.Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=int))
 
 
-_NO_VERTEX = re.compile(rb"^ *f (?:.* )?0(?=[ /\r\n]|\Z)", re.MULTILINE)
-
-_AS_READ: dict[str, Callable[[BinaryIO], BinaryIO]] = {
+_AS_READ: dict[str, Callable[[BinaryIO], BinaryIO | trimesh.Trimesh]] = {
     "dae": collada_files.without_pictures,
     "glb": gltf_files.plain,
-    "obj": _counted_from_the_first,
-    "ply": ply_files.of_triangles,
+    "obj": text_meshes.of_obj,
+    "ply": ply_files.whole,
+    "stl": text_meshes.of_stl,
 }
-"""What trimesh reads of a file, by its format."""
+"""The mesh of a file, by its format, or what trimesh is to read."""
 
 
 def _require_faces_of_vertices(mesh: trimesh.Trimesh) -> None:

@@ -5,16 +5,19 @@ By "PLY - Polygon File Format" (Turk, 1994).
 
 from __future__ import annotations
 
-import io
 from array import array
 from functools import partial
 from itertools import accumulate, takewhile
-from typing import Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 
-from vsr_core.arrays import Array, Indices
+from pipeline.stages.mesh.text_meshes import fans
+from vsr_core.arrays import Indices
 from vsr_core.errors import InvalidInput
+
+if TYPE_CHECKING:
+    import trimesh
 
 _LINE = 10_000
 """Bytes of a line of a header."""
@@ -32,37 +35,64 @@ _KINDS = {
     **dict.fromkeys(("double", "float64"), "f8"),
 }
 
+_CORNERS = ("vertex_indices", "vertex_index")
+
+_COLOURS = ("red", "green", "blue")
+
+
+class _Part(NamedTuple):
+    """A property: its number, or, of a list, what counts its numbers, and one of them."""
+
+    name: str
+    kind: np.dtype[Any]
+    counted: np.dtype[Any] | None
+
 
 class _Element(NamedTuple):
-    """What a header says of a kind of lines: the words of each of its properties."""
+    """What a header says of a kind of lines."""
 
     name: str
     number: int
-    properties: list[list[str]]
+    parts: list[_Part]
+
+    @property
+    def row(self) -> np.dtype[Any]:
+        """Its numbers, but for lists."""
+        return np.dtype([(one.name, one.kind) for one in self.parts if one.counted is None])
+
+    @property
+    def lists(self) -> list[_Part]:
+        """Those of its properties that are lists."""
+        return [one for one in self.parts if one.counted is not None]
 
 
-def of_triangles(file: BinaryIO) -> BinaryIO:
-    """A file whose faces have three corners each, if it is binary; else the same.
+def whole(file: BinaryIO) -> BinaryIO | trimesh.Trimesh:
+    """The mesh of a binary file whose faces have not three corners each; else the file as it is.
+
+    trimesh takes each face to have as many as the first.
 
     Raises
     ------
     InvalidInput
-        Of a text with other lines than its header says; trimesh refuses binary ones.
+        If its lines, or its bytes, are not as many as its header says.
     """
     lines = iter(partial(file.readline, _LINE), b"")
     header = [line.decode("latin-1").split() for line in takewhile(_is_before_end, lines)]
+    order = "<" if ["format", "binary_little_endian", "1.0"] in header else ">"
     elements = []
     for words in header:
         if words[:1] == ["element"]:
             elements.append(_Element(words[1], int(words[2]), []))
         elif words[:1] == ["property"]:
-            elements[-1].properties.append(words[1:])
+            kinds = [np.dtype(order + _KINDS[word]) for word in words[1:-1] if word != "list"]
+            counted = kinds[0] if words[1] == "list" else None
+            elements[-1].parts.append(_Part(words[-1], kinds[-1], counted))
     if ["format", "ascii", "1.0"] in header:
         _require_lines(file, elements)
-    elif [one.name for one in elements] == ["vertex", "face"]:
-        order = "<" if ["format", "binary_little_endian", "1.0"] in header else ">"
-        if (triangles := _triangles(file.read(), order, *elements)) is not None:
-            return triangles
+    elif any(one.name == "face" and one.number for one in elements):
+        mesh = _of_polygons(file.read(), elements)
+        if mesh is not None:
+            return mesh
     file.seek(0)
     return file
 
@@ -78,7 +108,7 @@ def _require_lines(file: BinaryIO, elements: list[_Element]) -> None:
         given = f"a file of {len(held)} lines where its header says {sum(counts)}"
         raise InvalidInput(given, _RULE, "export it again")
     for one, last in zip(elements, accumulate(counts), strict=True):
-        lists = [words[0] == "list" for words in one.properties]
+        lists = [part.counted is not None for part in one.parts]
         own = held[last - one.number : last]
         if odd := next((line for line in own if _numbers(line, lists)), None):
             what = b" ".join(odd)[:40].decode("latin-1")
@@ -94,45 +124,78 @@ def _numbers(line: list[bytes], lists: list[bool]) -> bool:
     return at != len(line)
 
 
-def _triangles(data: bytes, order: str, vertex: _Element, face: _Element) -> BinaryIO | None:
-    """A file of triangles, where the faces of this one differ in their corners and have no more."""
-    if [words[0] for words in face.properties] != ["list"] or not face.number:
+def _of_polygons(data: bytes, elements: list[_Element]) -> trimesh.Trimesh | None:
+    """The mesh of faces; none if all are triangles, which trimesh reads."""
+    import trimesh
+
+    listed = [one.name for one in elements if one.lists]
+    if listed != ["face"]:
+        given = f"lists of {listed or 'no element'}"
+        raise InvalidInput(given, "they are of faces", "export it again")
+    names = [one.name for one in elements]
+    at, of_points = names.index("face"), names.index("vertex")
+    lengths = [one.number * one.row.itemsize for one in elements]
+    lengths[at] += len(data) - sum(lengths)
+    starts = [*accumulate(lengths, initial=0)]
+    faces = _faces(data, elements[at], starts[at], starts[at + 1])
+    if faces is None:
         return None
-    counted, corner = (np.dtype(order + _KINDS[kind]) for kind in face.properties[0][1:3])
-    point = np.dtype([(words[-1], order + _KINDS[words[0]]) for words in vertex.properties])
-    start, end = vertex.number * point.itemsize, len(data)
+    vertex = elements[of_points]
+    points = np.frombuffer(data, vertex.row, vertex.number, starts[of_points])
+    has_colours = all(_Part(name, np.dtype("u1"), None) in vertex.parts for name in _COLOURS)
+    colours = np.column_stack([points[name] for name in _COLOURS]) if has_colours else None
+    xyz = np.column_stack([points[name] for name in "xyz"]).astype(np.float64)
+    return trimesh.Trimesh(xyz, faces, vertex_colors=colours, process=False)
+
+
+def _faces(data: bytes, face: _Element, start: int, end: int) -> Indices | None:
+    """Triangles of faces between two places of a file; none if all have three corners each."""
+    own = next(at for at, part in enumerate(face.lists) if part.name in _CORNERS)
+    if _are_triangles(data, face, own, start, end):
+        return None
     places, sizes = array("q"), array("q")
     at = start
-    while at < end and len(places) < face.number and counted.kind in "iu":
-        size = int(np.frombuffer(data, counted, 1, at)[0])
-        step = counted.itemsize + size * corner.itemsize
-        if size < 0 or (at == start and end - start == face.number * step):
-            return None
-        places.append(at + counted.itemsize)
-        sizes.append(size)
-        at += step
-    if at != end or len(places) != face.number:
-        return None  # which trimesh refuses
-    points = np.frombuffer(data, point, vertex.number)
-    xyz = np.column_stack([points[name] for name in "xyz"]).astype("<f8")
-    first, many = np.array(places), np.array(sizes)
-    fans = [_fans(data, corner, first[many == size], int(size)) for size in np.unique(many)]
-    return _written(xyz, np.concatenate(fans))
+    while at < end and len(sizes) < face.number:
+        at, held = _row(data, at, face.parts)
+        places.append(held[own][0])
+        sizes.append(held[own][1])
+    if at != end or len(sizes) != face.number:
+        given = f"a file of other faces than the {face.number} that its header says"
+        raise InvalidInput(given, _RULE, "export it again")
+    many, kind = np.array(sizes), face.lists[own].kind
+    behind = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+    begin = np.repeat(np.array(places), many) + behind * kind.itemsize
+    corners = np.frombuffer(data, np.uint8)[begin[:, None] + np.arange(kind.itemsize)]
+    return fans(np.frombuffer(corners.tobytes(), kind).astype(np.int64), many)
 
 
-def _fans(data: bytes, corner: np.dtype[Any], places: Indices, size: int) -> Indices:
-    """Triangles of faces of so many corners, shape (k, 3): each has the face's first."""
-    beside = np.arange(size * corner.itemsize)
-    held = np.frombuffer(data, np.uint8)[places[:, None] + beside]
-    names = np.frombuffer(held.tobytes(), corner).reshape(-1, size).astype(np.int64)
-    parts = [names[:, [0, at, at + 1]] for at in range(1, size - 1)]
-    return np.concatenate([np.empty((0, 3), np.int64), *parts])
+def _are_triangles(data: bytes, face: _Element, own: int, start: int, end: int) -> bool:
+    """Whether all faces are as the first one, and it is of three corners."""
+    beyond, first = _row(data, start, face.parts)
+    step = beyond - start
+    if first[own][1] != 3 or start + face.number * step != end:
+        return False
+    lists = ((part, *held) for part, held in zip(face.lists, first, strict=True))
+    counts = (
+        np.ndarray(face.number, part.counted, data, place - part.counted.itemsize, (step,)) == size
+        for part, place, size in lists
+        if part.counted
+    )
+    return all(same.all() for same in counts)
 
 
-def _written(points: Array, corners: Indices) -> BinaryIO:
-    rows = np.empty(len(corners), np.dtype([("number", "u1"), ("corners", "<i4", 3)]))
-    rows["number"], rows["corners"] = 3, corners
-    head = "".join(f"property double {name}\n" for name in "xyz")
-    head = f"element vertex {len(points)}\n{head}element face {len(rows)}\n"
-    head = f"ply\nformat binary_little_endian 1.0\n{head}property list uchar int vertex_indices\n"
-    return io.BytesIO(f"{head}end_header\n".encode() + points.tobytes() + rows.tobytes())
+def _row(data: bytes, at: int, parts: list[_Part]) -> tuple[int, list[tuple[int, int]]]:
+    """Where a row ends that begins at a place; of its lists, where numbers are, and how many."""
+    lists = []
+    for part in parts:
+        number = 1
+        if part.counted is not None:
+            word = data[at : at + part.counted.itemsize]
+            big, signed = part.counted.byteorder == ">", part.counted.kind == "i"
+            number = int.from_bytes(word, "big" if big else "little", signed=signed)
+            at += part.counted.itemsize
+            if number < 0 or part.counted.kind == "f":
+                raise InvalidInput("a list of no length", _RULE, "export it again")
+            lists.append((at, number))
+        at += number * part.kind.itemsize
+    return at, lists

@@ -868,6 +868,13 @@ def test_counts_and_poles_that_lost_their_signs_are_told() -> None:
         assert lost != whole
         said = told(lost, lambda counts: counts)
         assert any(re.fullmatch(words.format(re.escape(name)), one) for one in said), said
+    first_gain = rb'(?s)(<Stage number="1">.*?<StageGain>\s*<Value>)'
+    turned = re.sub(first_gain, rb"\1-", whole)
+    assert turned != whole
+    said = told(turned, lambda counts: counts)
+    assert f"gains of {name} have another sign than its sensitivity: it may be turned round" in said
+    both = re.sub(rb"(<InstrumentSensitivity>\s*<Value>)", rb"\1-", turned)
+    assert not any("another sign" in one for one in told(both, lambda counts: counts))
     whole_numbers = re.sub(
         rb"(<Numerator[^>]*>)([^<]*)",
         lambda one: one[1] + str(4096.0 * float(one[2])).encode(),

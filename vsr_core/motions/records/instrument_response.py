@@ -109,7 +109,11 @@ _SEVERAL = {"Stage", "Pole", "Zero", "Numerator", "Denominator", "NumeratorCoeff
 
 
 def _doubts(response: Any, name: str) -> Iterator[str]:
-    """Poles, zeros and coefficients that no instrument has, in words."""
+    """Poles, zeros, coefficients and signs that no instrument has, in words."""
+    whole = getattr(response.instrument_sensitivity, "value", None) or 1.0
+    gains = math.prod(stage.stage_gain or 1.0 for stage in response.response_stages)
+    if whole * gains < 0.0:
+        yield f"gains of {name} have another sign than its sensitivity: it may be turned round"
     for stage in response.response_stages:
         if _OFF_ONE < abs((total := _sum(stage)) - 1.0) < _WHOLE_NUMBERS:
             yield f"coefficients of {name} sum to {total:.3g} and not to 1: signs may be lost"

@@ -486,7 +486,7 @@ def test_a_disaggregation_is_read(tmp_path: Path) -> None:
         found = load_disaggregation(given)
         np.testing.assert_allclose(found.levels, GRAVITY * np.array([0.2, 0.5]))
         assert found.magnitudes.tolist() == [5.5, 7.0]
-        np.testing.assert_allclose(found.shares, [[0.5, 0.5], [0.75, 0.25]])
+        np.testing.assert_allclose(found.shares, [[0.5, 0.5], by_rates([3e-4, 1e-4])])
         assert found.unused == (f"1 row of other measures in {path.name} left out",)
 
 
@@ -527,7 +527,7 @@ def test_a_disaggregation_that_a_spreadsheet_rounded_is_refused(tmp_path: Path) 
     first = "generated_by='OpenQuake engine 3.16'"
     rare = [4.12e-4, 3.49e-5, 2.63e-5, 1.08e-5]
     path = disaggregated(tmp_path, {"mean": rare}, first)
-    assert shares(path)[0] == pytest.approx(4.12 / 4.84)
+    assert shares(path)[0] == pytest.approx(by_rates(rare)[0])
     disaggregated(tmp_path, {"mean": [round(share, 5) for share in rare]}, first)
     with pytest.raises(InputError, match="2 of 3 different values with one digit only"):
         load_disaggregation(path)
@@ -552,6 +552,12 @@ def disaggregated(
 MEAN = [4e-4, 3e-4, 2e-4, 1e-4]
 
 
+def by_rates(probabilities: list[float]) -> list[float]:
+    """Shares of earthquakes that are Poissonian: a probability p is of -ln(1 - p) of them."""
+    rates = [-math.log(1.0 - one) for one in probabilities]
+    return [one / sum(rates) for one in rates]
+
+
 def shares(path: Path) -> list[float]:
     """By magnitude, then distance."""
     (found,) = load_disaggregation(path).shares.tolist()
@@ -561,7 +567,7 @@ def shares(path: Path) -> list[float]:
 def test_of_other_statistics_the_mean_counts(tmp_path: Path) -> None:
     columns = {"mean": MEAN, "quantile-0.95": MEAN[::-1], "std": [1.0, 0.5, 0.5, 0.5]}
     path = disaggregated(tmp_path, columns)
-    assert shares(path) == pytest.approx([0.4, 0.3, 0.2, 0.1])
+    assert shares(path) == pytest.approx(by_rates(MEAN))
     assert load_disaggregation(path).unused == tuple(
         f"column {name} of {path.name} left out, as others count" for name in list(columns)[1:]
     )
@@ -570,7 +576,7 @@ def test_of_other_statistics_the_mean_counts(tmp_path: Path) -> None:
 def test_realizations_count_by_the_weights_of_the_first_line(tmp_path: Path) -> None:
     columns = {"rlz0": MEAN, "rlz3": MEAN[::-1]}
     path = disaggregated(tmp_path, columns, f"{EDGES}, weights=[0.75, 0.25], rlz_ids=[0, 3]")
-    assert shares(path) == pytest.approx([0.325, 0.275, 0.225, 0.175])
+    assert shares(path) == pytest.approx(by_rates([3.25e-4, 2.75e-4, 2.25e-4, 1.75e-4]))
     assert load_disaggregation(path).unused == ()
     turned = dict(reversed(columns.items()))
     path = disaggregated(tmp_path, turned, f"{EDGES}, weights=[0.25, 0.5]")
@@ -607,12 +613,23 @@ def test_bins_that_are_not_their_whole_are_told(
 
 def test_a_bin_of_1_makes_no_level_conditional(tmp_path: Path) -> None:
     """Its sum is 1 to three digits, as of shares; that of the level beside it is not."""
-    path = disaggregated(tmp_path, {"mean": [1.0, 3e-4, 2e-4, 1e-4]})
+    path = disaggregated(tmp_path, {"mean": [0.9994, 3e-4, 2e-4, 1e-4]})
     head, names, *rows = path.read_text(encoding="utf-8").splitlines()
     beside = [f"{one.replace('0.5', '0.4')},{share}" for one, share in zip(BINS, MEAN, strict=True)]
     path.write_text("\n".join([head, names, *rows, *beside, ""]), encoding="utf-8")
     (told,) = load_disaggregation(path).unused
-    assert told.startswith("bins of 0.5 g have a probability of 1 together, and a poe of 0.001")
+    assert told.startswith("bins of 0.5 g have a probability of 0.999 together, and a poe of 0.001")
+
+
+def test_shares_of_earthquakes_are_those_of_any_years(tmp_path: Path) -> None:
+    """Of rare ones probabilities are rates; in 20,000 years some bins have 15 each."""
+    path = disaggregated(tmp_path, {"mean": MEAN})
+    of_a_year = shares(path)
+    many = [1.0 - (1.0 - one) ** 20_000 for one in MEAN]
+    assert shares(disaggregated(tmp_path, {"mean": many})) == pytest.approx(of_a_year)
+    path = disaggregated(tmp_path, {"mean": [1.0, *many[1:]]})
+    with pytest.raises(InputError, match="a bin of a probability of 1; it is below 1"):
+        load_disaggregation(path)
 
 
 def test_levels_of_no_years_are_not_held_against_the_curves_which_is_told(tmp_path: Path) -> None:

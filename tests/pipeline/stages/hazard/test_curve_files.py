@@ -74,6 +74,19 @@ def test_rates_that_stay_from_level_to_level_are_told(
     assert list(curve_folder.load(tmp_path).unused) == told
 
 
+@pytest.mark.parametrize(("poe", "is_told"), [("0.999999", False), ("0.876543", True)])
+def test_probabilities_near_1_have_few_digits(tmp_path: Path, poe: str, is_told: bool) -> None:
+    """Of seven that OpenQuake writes, six are nines."""
+    (tmp_path / "hazard_curve-mean-PGA_1.csv").write_text(
+        "#,,\"generated_by='OpenQuake engine 3.26', investigation_time=450.0, kind='mean', "
+        "imt='PGA'\"\nlon,lat,depth,poe-0.005,poe-0.01,poe-0.02,poe-0.5\n"
+        f"-120.9,35.2,0,9.999999E-01,{poe},{poe},1.23456E-02\n",
+        encoding="utf-8",
+    )
+    told = [one for one in curve_folder.load(tmp_path).unused if "may be held" in one]
+    assert bool(told) == is_told
+
+
 @pytest.mark.parametrize("spelt", [present, older])
 def test_rates_and_weights_are_read(
     tmp_path: Path, spelt: Callable[[int, list[float]], str]

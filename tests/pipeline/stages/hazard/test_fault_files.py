@@ -79,6 +79,10 @@ def test_what_no_table_of_faults_has_is_refused(table: Path, text: str, words: s
             model((0.2, 10), (0.1, 5), (0.4, 20), (0.2, 10)).replace("20,0.5", "20,3"),
             "pgv_log_sd: got '3' in row 3",
         ),
+        (
+            model((0.2, 10), (0.1, 5), (0.4, 20), (0.2, 10)).replace("0.2,0.5", "0.2,0.005"),
+            "pga_log_sd: got '0.005' in row 1",
+        ),
     ],
 )
 def test_what_no_ground_motion_model_has_is_refused(table: Path, text: str, words: str) -> None:

@@ -165,6 +165,29 @@ def test_a_unit_in_the_file_is_that_of_the_scale(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match=r"unit of 0.0254 m.*rock.scale: 0.0254"):
         mesh_files.read(path)
     assert mesh_files.read(path, 0.0254).extents == pytest.approx([0.0254] * 3, rel=1e-3)
+    with pytest.raises(InvalidInput, match=r"unit of 0.0254 m .*, and rock.scale: 0.01; they agr"):
+        mesh_files.read(path, 0.01)
+
+
+@pytest.mark.parametrize("number", [20_000, 1_000])
+def test_a_shape_that_stands_there_often_is_refused_at_once(tmp_path: Path, number: int) -> None:
+    def often(scene: dict[str, Any]) -> dict[str, Any]:
+        nodes = [{"mesh": 0}] * number
+        return scene | {"nodes": nodes, "scenes": [{"nodes": [*range(number)]}]}
+
+    glb(tmp_path / "rock.glb", often)
+    part = b'<node><instance_geometry url="#shape"/></node>'
+    text = re.sub(rb'<geometry id="[^"]*"', b'<geometry id="shape"', export_collada(ball()))
+    text = re.sub(
+        rb"<visual_scene.*</visual_scene>",
+        b'<visual_scene id="scene">' + part * number + b"</visual_scene>",
+        text,
+        flags=re.DOTALL,
+    )
+    (tmp_path / "rock.dae").write_bytes(text)
+    for kind in ("glb", "dae"):
+        with bounded(seconds=10.0, mebibytes=300.0), pytest.raises(InvalidInput, match="in a scen"):
+            mesh_files.read(tmp_path / f"rock.{kind}")
 
 
 def ply(encoding: str) -> bytes:
@@ -257,7 +280,8 @@ def test_a_shape_does_not_need_its_material(
         ("<scale>0.5 0.5 x</scale>", "3 numbers"),
         ("<translate>1 0 nan</translate>", "3 numbers"),
         ("<rotate>0 0 2 90</rotate>", "an axis of length 1"),
-        ("<skew>30 1 0 0 0 1 0</skew>", "skewed"),
+        ("<skew>30 1 0 0 0 1 0</skew>", "with a skew"),
+        ("<lookat>0 0 0 0 0 -1 0 2 0</lookat>", "with a lookat"),
         ('<instance_node url="#x"/>', "without a scene that can be read"),
         ('<node id="a"/><node id="a"/><instance_node url="#a"/>', "two parts that are named 'a'"),
         ('<instance_geometry url="#x"/>', "2 shapes in its scene, of which 1 can be read"),
@@ -316,7 +340,7 @@ def test_strips_and_fans_are_counted_by_their_faces(tmp_path: Path) -> None:
     (tmp_path / "rock.dae").write_bytes(text)
     assert mesh_files.read(tmp_path / "rock.dae").volume == pytest.approx(4.0 / 3.0)
     (tmp_path / "rock.dae").write_bytes(re.sub(rb"</p><p>[^<]*</p>", b"</p>", text))
-    with pytest.raises(InvalidInput, match="2 strips or fans, of which others"):
+    with pytest.raises(InvalidInput, match="2 trifans whose corners are others"):
         mesh_files.read(tmp_path / "rock.dae")
 
 
@@ -339,8 +363,31 @@ def test_a_binary_ply_of_triangles_and_quadrilaterals_is_read(
     assert found.volume == pytest.approx(0.5)
     for other in (data[:-1], data + b"\0"):
         path.write_bytes(head.encode() + other)
-        with pytest.raises(InvalidInput, match="cannot be read"):
+        with pytest.raises(InvalidInput, match="other faces than the 5 that"):
             mesh_files.read(path)
+
+
+def test_a_binary_ply_of_faces_of_three_corners_on_average_is_read(tmp_path: Path) -> None:
+    """A wedge whose faces have four, three and five corners, with a colour and another list each.
+
+    By its length all might be of as many corners as the first.
+    """
+    points = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1.5, 0), (0, 1, 0)]
+    points += [(x, y, 1) for x, y, _ in points]
+    sides = [(at, (at + 1) % 5, (at + 1) % 5 + 5, at + 5) for at in range(5)]
+    split = [part for one in sides[:1] for part in (one[:3], (one[0], *one[2:]))]
+    faces = [*sides[1:], (4, 3, 2, 1, 0), (5, 6, 7, 8, 9), *split]
+    assert sum(map(len, faces)) == 4 * len(faces)
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+    head += "".join(f"property double {name}\n" for name in "xyz")
+    head += f"element face {len(faces)}\nproperty uchar red\n"
+    head += "property list int int vertex_indices\nproperty list uchar float other\nend_header\n"
+    data = b"".join(struct.pack("<3d", *point) for point in points)
+    for one in faces:
+        data += struct.pack(f"<Bi{len(one)}iBf", 7, len(one), *one, 1, 0.5)
+    (tmp_path / "rock.ply").write_bytes(head.encode() + data)
+    found = mesh_files.read(tmp_path / "rock.ply")
+    assert (found.is_watertight, found.volume) == (True, pytest.approx(2.0 + 0.5))
 
 
 def test_a_binary_ply_of_lists_of_no_length_is_refused_at_once(tmp_path: Path) -> None:
@@ -349,7 +396,7 @@ def test_a_binary_ply_of_lists_of_no_length_is_refused_at_once(tmp_path: Path) -
     head += "".join(f"property float {name}\n" for name in "xyz")
     head += "element face 2000000000\nproperty list char int vertex_indices\nend_header\n"
     (tmp_path / "rock.ply").write_bytes(head.encode() + bytes(13) + b"\xff" * 10_000)
-    with bounded(seconds=5.0, mebibytes=100.0), pytest.raises(InvalidInput, match="cannot be read"):
+    with bounded(seconds=5.0, mebibytes=100.0), pytest.raises(InvalidInput, match="list of no l"):
         mesh_files.read(tmp_path / "rock.ply")
 
 
@@ -358,6 +405,40 @@ def test_an_obj_of_a_million_blanks_is_read_at_once(tmp_path: Path) -> None:
     (tmp_path / "rock.obj").write_text(text)
     with bounded(seconds=5.0, mebibytes=200.0):
         assert len(mesh_files.read(tmp_path / "rock.obj").faces) == len(ball().faces) + 1
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        (rb"</p>", b"</p><p>0 1 2</p>", "1280 triangles whose corners are others"),
+        (rb"<p>\d+", b"<p>-1", "1280 triangles whose corners are others"),
+        (rb"(<geometry [^>]*>)", rb'\1<asset><unit name="inch" meter="0.0254"/></asset>', "a unit"),
+        (rb'(<accessor [^>]*)source="#', rb'\1source="#other-', "beside which it is not"),
+    ],
+)
+def test_a_collada_file_that_contradicts_itself_is_refused(
+    tmp_path: Path, before: bytes, after: bytes, words: str
+) -> None:
+    whole = export_collada(ball())
+    changed = re.sub(before, after, whole, count=1)
+    assert changed != whole
+    (tmp_path / "rock.dae").write_bytes(changed)
+    with pytest.raises(InvalidInput, match=words):
+        mesh_files.read(tmp_path / "rock.dae")
+
+
+def test_a_collada_polylist_says_how_many_corners_each_face_has(tmp_path: Path) -> None:
+    whole = export_collada(ball()).replace(b"triangles", b"polylist")
+    sizes = b"3 " * len(ball().faces)
+    for said, is_read in ((sizes, True), (sizes[:-2] + b"2", False), (sizes[2:], False)):
+        text = whole.replace(b"<p>", b"<vcount>" + said + b"</vcount><p>")
+        (tmp_path / "rock.dae").write_bytes(text)
+        if is_read:
+            read = mesh_files.read(tmp_path / "rock.dae")
+            assert read.volume == pytest.approx(ball().volume, rel=1e-5)
+        else:
+            with pytest.raises(InvalidInput, match="1280 polylist whose corners are others"):
+                mesh_files.read(tmp_path / "rock.dae")
 
 
 def test_guiding_lines_beside_a_rock_are_left_out(tmp_path: Path) -> None:
@@ -385,13 +466,17 @@ def test_lengths_of_lists_may_be_written_with_a_point(tmp_path: Path) -> None:
             "of other numbers",
         ),
         ("ascii.ply", lambda text: text.replace(b"\n3 ", b"\n4 ", 1), "of other numbers than its"),
-        ("binary.ply", lambda text: text.replace(b"face 1280", b"face 1277"), "unexpected length"),
+        (
+            "binary.ply",
+            lambda text: text.replace(b"face 1280", b"face 1277"),
+            "other faces than the 1277",
+        ),
         (
             "x.dae",
             lambda text: text.replace(b'count="1280"', b'count="1270"'),
-            "1270 faces of .*, of which 1280 can",
+            "1270 triangles whose corners",
         ),
-        ("x.dae", lambda text: re.sub(rb"( \d+){6}</p>", b"</p>", text), "1280 faces of "),
+        ("x.dae", lambda text: re.sub(rb"( \d+){6}</p>", b"</p>", text), "1280 triangles whose"),
         (
             "x.dae",
             lambda text: re.sub(rb" \S+</float_", b"</float_", text, count=1),
@@ -431,8 +516,7 @@ def test_file_cut_short(tmp_path: Path, refused: Refused, kind: str) -> None:
     (tmp_path / f"rock.{kind}").write_bytes(content[: len(content) * 2 // 3])
     where = site(tmp_path, f"rock.{kind}")
     words = (str(where), "rock.mesh", f"rock.{kind}")
-    page = "prep.html" if kind == "obj" else ""  # of which the rest can be read and shown
-    refused("run", "rock", "--site", where, words=words, page=page)
+    refused("run", "rock", "--site", where, words=words)
 
 
 def glb(path: Path, change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
@@ -508,6 +592,79 @@ def test_an_obj_in_other_spellings_is_read(tmp_path: Path, before: str, after: s
     text = re.sub(before, after, ball().export(file_type="obj"))
     (tmp_path / "rock.obj").write_bytes(text.encode())
     assert mesh_files.read(tmp_path / "rock.obj").volume == pytest.approx(ball().volume, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (r"(?m)^", " "),
+        (r"(?m)^f", "fo"),
+        (r"\A", "\ufeff"),
+        (r"(?m)^f (.*)$", r"f \1\nusemtl none"),
+        (r"(?m)^f (\d+) (\d+) (\d+)$", r"f \1//7 \2//7 \3//7"),
+        (r"(?m)^(v .*)$", r"\1 1.0"),
+    ],
+)
+def test_an_obj_in_still_other_spellings_is_read(tmp_path: Path, before: str, after: str) -> None:
+    text = re.sub(before, after, ball().export(file_type="obj"))
+    (tmp_path / "rock.obj").write_bytes(text.encode())
+    assert mesh_files.read(tmp_path / "rock.obj").volume == pytest.approx(ball().volume, rel=1e-6)
+
+
+def test_an_obj_of_faces_with_and_without_textures_is_read(tmp_path: Path) -> None:
+    """A prism of six sides; its triangles with textures have as many numbers as its hexagons."""
+    ring = [(np.cos(at), np.sin(at)) for at in np.arange(6) * np.pi / 3.0]
+    lines = [f"v {x} {y} {z}" for z in (0, 2) for x, y in ring] + ["vt 0 0"]
+    for at in range(6):
+        a, b, c, d = at + 1, (at + 1) % 6 + 1, (at + 1) % 6 + 7, at + 7
+        lines += [f"f {a}/1 {b}/1 {c}/1", f"f {a}/1 {c}/1 {d}/1"]
+    lines += ["f 6 5 4 3 2 1", "f 7 8 9 10 11 12"]
+    (tmp_path / "rock.obj").write_text("\n".join(lines))
+    found = mesh_files.read(tmp_path / "rock.obj")
+    assert found.is_watertight
+    assert found.volume == pytest.approx(1.5 * np.sqrt(3.0) * 2.0)
+
+
+def of_text(kind: str) -> str:
+    """The ball as text; as STL in two solids."""
+    if kind == "obj":
+        return str(ball().export(file_type="obj"))
+    parts = np.split(np.arange(len(ball().faces)), 2)
+    halves = (ball().submesh([part], append=True) for part in parts)
+    return "".join(str(half.export(file_type="stl_ascii")) + "\n" for half in halves)
+
+
+@pytest.mark.parametrize(
+    ("kind", "before", "after"),
+    [
+        ("obj", r"(?m)^f (\d+) \d+ (\d+)$", r"f \1 \2"),
+        ("obj", r"(?m)^f (\d+) ", r"f \1/1 "),
+        ("obj", r"(?m)^f (\d+) ", r"f \1.0 "),
+        ("obj", r"(?m)^v (\S+) (\S+) \S+$", r"v \1 \2"),
+        ("obj", r"(?m)^v (\S+) (\S+) ", r"v \1 1_0 "),
+        ("obj", r"(?m)^f (\d+) ", r"face \1 "),
+        ("obj", r"(?m)^f (\d+) ", r"\1 "),
+        ("stl", r"endfacet(?!.*endfacet)(?s:.*)", ""),
+        ("stl", r"endsolid(?!.*endsolid)(?s:.*)", ""),
+        ("stl", r"(?s)outer loop.*?endloop", ""),
+        ("stl", r"vertex.*\n", ""),
+        ("stl", r"(vertex.*\n)", r"\1\1"),
+        ("stl", r"vertex \S+ ", "vertex "),
+        ("stl", r"vertex ", "vertices "),
+    ],
+)
+def test_a_text_with_a_line_that_is_not_whole_is_refused(
+    tmp_path: Path, kind: str, before: str, after: str
+) -> None:
+    path = tmp_path / f"rock.{kind}"
+    whole = of_text(kind)
+    path.write_text(whole)
+    assert mesh_files.read(path).volume == pytest.approx(ball().volume, rel=1e-5)
+    changed = re.sub(before, after, whole, count=1)
+    assert changed != whole
+    path.write_text(changed)
+    with pytest.raises(InvalidInput, match=r"each is one of the format's|a file is whole"):
+        mesh_files.read(path)
 
 
 @pytest.mark.parametrize("face", ["f 1 2 0", "f 0 1 2", "f 1/1 2/1 0/1"])
@@ -763,7 +920,7 @@ def test_vertices_counted_back_from_the_face(tmp_path: Path, corner: str) -> Non
     np.testing.assert_array_equal(back.triangles, first.triangles)
     assert back.volume == pytest.approx(area() * HEIGHT)
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 -2 -1\nv 0 0 1\n")
-    with pytest.raises(InvalidInput, match="cannot be read"):
+    with pytest.raises(InvalidInput, match="a face of vertex -4 after 3"):
         mesh_files.read(path)
 
 
