@@ -78,7 +78,8 @@ def make(work: Work, rock: RockConfig, source: Source, ground: GroundFile) -> Pr
         "turned_by_fall_deg": np.degrees(placed.turned),
     }
     files = {PlacedData.FILE: netcdf(described(dataset, work, "Rock and terrain"))}
-    note = f"{_told(placed)}; ground of {len(placed.terrain.faces)} faces"
+    of_ground = "; ".join((f"ground of {len(placed.terrain.faces)} faces", *placed.notes))
+    note = f"{_told(placed)}; {of_ground}"
     return Product(files | {SCAN_PAGE: page}, note)
 
 
