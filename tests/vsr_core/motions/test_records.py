@@ -726,6 +726,20 @@ def test_a_pressure_is_no_record() -> None:
     refusal(lambda: read(sac(kcmpnm="BDF"), ".sac", Reading(unit="m/s2")), "BDF", "a pressure")
 
 
+def test_a_sac_file_of_version_7_has_a_footer() -> None:
+    """As SAC 102 writes it: times of the header once more, in double precision."""
+    whole, how = sac(idep="iacc", kcmpnm="HNE"), Reading(unit="m/s2")
+    first = read(whole, ".sac", how)
+    number, step = len(first.acceleration), first.interval
+    footer = np.array([step, 0.0, (number - 1) * step, *[-12345.0] * 19])
+    seven = whole[:304] + np.array(7, "<i4").tobytes() + whole[308:]
+    found = read(seven + footer.tobytes(), ".sac", how)
+    np.testing.assert_array_equal(found.acceleration, first.acceleration)
+    refusal(lambda: read((seven + footer.tobytes())[:-8], ".sac", how), "version 7 with", "whole")
+    footer[0] *= 2.0
+    refusal(lambda: read(seven + footer.tobytes(), ".sac", how), "its footer 0.0", "agree")
+
+
 def test_what_a_sac_header_says_beside_is_told() -> None:
     found = read(sac(idep="iacc", scale=4.0, kcmpnm="HHE"), ".sac", Reading(unit="m/s2"))
     np.testing.assert_allclose(found.acceleration, VALUES, rtol=1e-6, atol=1e-7)

@@ -14,7 +14,7 @@ import numpy as np
 
 from vsr_core.errors import InvalidInput, reason
 from vsr_core.motions.named_columns import refuse_cut_lines
-from vsr_core.motions.records import columns, miniseed, text_files
+from vsr_core.motions.records import columns, miniseed, sac_files, text_files
 from vsr_core.motions.records.directions import of_stream
 from vsr_core.motions.records.instrument_response import (
     Corners,
@@ -57,6 +57,7 @@ def read_waveforms(
 
     odd, doubts, inventory = list[str](), list[str](), None
     rate = _checked_rate_of_knet(content) if kind == "KNET" else None
+    content = sac_files.of_version_6(content) if kind == "SAC" else content
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
@@ -94,17 +95,8 @@ def read_waveforms(
     return replace(record, repairs=repairs, directions=directions)
 
 
-_SAC_OTHER = {6: "displacement", 7: "velocity", 50: "volts"}
-"""Of SAC's header IDEP (SAC users manual 102, "Data file format")."""
-
-_SAC_SERIES = 1
-"""Of SAC's header IFTYPE: a time series, with LEVEN in even steps."""
-
 _WEAK = 1.0
 """Peak [gal] up to which K-NET's header may round it to 0."""
-
-_SAC_MEAN = 1e-4
-"""Share of the peak by which SAC's DEPMEN may be off the mean, as in single precision."""
 
 _PRESSURE = re.compile("[A-Z]D[DFGHIOU]")
 """Channels of pressure by SEED's codes."""
@@ -121,11 +113,8 @@ def _check_quantity(stream: Any) -> None:
     """Refuse what is no time series of a motion, or contradicts its header."""
     rule, remedy = "it is a motion in even steps of time", "use the record of the acceleration"
     for trace in stream:
-        sac, channel = trace.stats.get("sac", {}), str(trace.stats.channel)
-        _check_sac_times(sac)
-        if sac.get("iftype", _SAC_SERIES) != _SAC_SERIES or not sac.get("leven", True):
-            given = "a SAC file of another kind (IFTYPE), or in uneven steps (LEVEN)"
-            raise InvalidInput(given, rule, remedy)
+        channel = str(trace.stats.channel)
+        sac_files.check_series(trace.stats.get("sac", {}))
         if _PRESSURE.fullmatch(channel):
             raise InvalidInput(f"{channel}, by its code a pressure", rule, remedy)
         if (said := trace.stats.get("knet", {}).get("accmax")) is not None:
@@ -136,33 +125,12 @@ def _check_quantity(stream: Any) -> None:
                 raise InvalidInput(given, "the two agree", "download it again")
 
 
-def _check_sac_times(sac: Any) -> None:
-    """Refuse a SAC header whose times are not those of its samples."""
-    if {"b", "e", "delta", "npts"} <= sac.keys() and sac["e"]:  # 0 where it was not filled in
-        end = sac["b"] + (sac["npts"] - 1) * sac["delta"]
-        if abs(sac["e"] - end) > 1.5 * sac["delta"] + 1e-5 * abs(end):
-            given = f"a SAC file that says it ends at {sac['e']:g} s, and at {end:g} s by DELTA"
-            raise InvalidInput(given, "the two agree", "download it again, or correct the header")
-
-
 def _check_is_acceleration(stream: Any) -> list[str]:
     """Refuse traces that say they hold another quantity; what else speaks against it is told."""
-    doubts = []
+    doubts = list[str]()
     for trace in stream:
-        sac, channel = trace.stats.get("sac", {}), str(trace.stats.channel)
-        if other := _SAC_OTHER.get(int(sac.get("idep", 0))):
-            rule = "without a response its samples are accelerations"
-            remedy = "differentiate it, or give motion.response"
-            raise InvalidInput(f"a SAC file of {other} (IDEP)", rule, remedy)
-        scale = float(sac.get("scale", 1.0))
-        if scale != 1.0:
-            doubts.append(f"{channel}: SCALE of the header, {scale:g}, was left alone")
-        peaks = [abs(float(sac[key])) for key in ("depmin", "depmax") if key in sac]
-        if peaks and not is_near(max(peaks), float(np.abs(trace.data).max())):
-            doubts.append(f"{channel}: by DEPMIN and DEPMAX of the header a peak of {max(peaks):g}")
-        mean, most = float(trace.data.mean()), float(np.abs(trace.data).max())
-        if abs(float(sac.get("depmen", mean)) - mean) > _SAC_MEAN * most:
-            doubts.append(f"{channel}: by DEPMEN of the header a mean of {sac['depmen']:g}")
+        channel = str(trace.stats.channel)
+        doubts += sac_files.doubts(trace.stats.get("sac", {}), trace.data, channel)
         if len(channel) == 3 and channel[1] in _SEISMOMETERS:
             doubts.append(f"{channel}: by its code a seismometer; taken as accelerations")
     return doubts
