@@ -80,9 +80,9 @@ def plain(file: BinaryIO) -> BinaryIO:
 
 def _require_few(scene: dict[str, Any]) -> None:
     """Refuse a scene in which shapes stand more often than memory is for."""
-    counts = [one["count"] // 3 for one in scene.get("accessors", ())]
+    counts = {at: one["count"] // 3 for at, one in enumerate(scene.get("accessors", ()))}
     faces = [
-        sum(counts[part.get("indices", part["attributes"]["POSITION"])] for part in parts)
+        sum(counts.get(one.get("indices", one["attributes"].get("POSITION")), 0) for one in parts)
         for parts in (mesh["primitives"] for mesh in scene.get("meshes", ()))
     ]
     shown = [faces[node["mesh"]] for node in scene.get("nodes", ()) if "mesh" in node]
