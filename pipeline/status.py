@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.config import in_si
 from pipeline.config.fragility_schema import FINE
 from pipeline.config.motion_schema import PulseGrid
-from pipeline.config.schema import Config
+from pipeline.config.schema import COMPILED, Config
 from pipeline.inspection import disk
 from pipeline.inspection.answers import (
     Beside,
@@ -51,8 +51,8 @@ from vsr_core.fragility.bisection import OUTWARD
 from vsr_core.outcome import Outcome
 from vsr_core.uncertainty import step_error
 
-TYPICAL_MS, TYPICAL_ON_TERRAIN_MS = 6.0, 25.0
-"""CPU time of a run [ms] before any was measured here."""
+TYPICAL_MS, TYPICAL_COMPILED_MS, TYPICAL_ON_TERRAIN_MS = 6.0, 0.3, 25.0
+"""CPU time of a run [ms] before any was measured here, in the engine that is asked for."""
 
 
 def why(product: str, job: Job) -> Why:
@@ -230,8 +230,11 @@ def _records(motions: Shaking) -> list[Record]:
 
 def _cost(job: Job, runs: int, kind: Kind[Any]) -> tuple[float, int, float, bool]:
     """Time of all runs [s], number of workers, time of a run [ms], whether it was measured."""
-    measured = [note for note in job.store.notes(kind.stage) if note["runs"]]
-    typical = TYPICAL_ON_TERRAIN_MS if job.config.on_terrain else TYPICAL_MS
+    engine = job.config.engine
+    notes = job.store.notes(kind.stage)
+    measured = [note for note in notes if note["runs"] and note["engine"] == engine]
+    typical = TYPICAL_COMPILED_MS if engine == COMPILED else TYPICAL_MS
+    typical = TYPICAL_ON_TERRAIN_MS if job.config.on_terrain else typical
     each = 1e3 * measured[-1]["cpu_seconds"] / measured[-1]["runs"] if measured else typical
     workers = max(job.cluster.workers, 1)
     return runs * each / 1e3 / workers, workers, each, bool(measured)

@@ -20,6 +20,7 @@ from pipeline.bundles.layout import (
     About,
     about,
     digest,
+    names,
     opened,
     sha256,
     sums,
@@ -44,7 +45,7 @@ def check(path: Path) -> tuple[list[str], list[str]]:
             return wrong, []
         with tempfile.TemporaryDirectory() as temporary:
             folder = Path(temporary).resolve()
-            for name in archive.namelist():
+            for name in names(archive):
                 if name.startswith((f"{INPUTS}/", f"{RESULTS}/.stages/")):
                     unpack(path, archive, name, folder)
             manifests = Store(folder / RESULTS).manifests()
@@ -64,8 +65,8 @@ def check(path: Path) -> tuple[list[str], list[str]]:
 
 def _files(archive: zipfile.ZipFile, told: About) -> Iterator[str]:
     """Files that are not what they were, inputs that are not there."""
-    there = set(archive.namelist()) - {ABOUT, SUMS}
-    if SUMS not in archive.namelist() or digest(archive, SUMS) != sha256(sums(told.files)):
+    there = set(names(archive)) - {ABOUT, SUMS}
+    if SUMS not in names(archive) or digest(archive, SUMS) != sha256(sums(told.files)):
         yield f"{SUMS} does not hold the checksums of {ABOUT}"
     for name in sorted(told.files.keys() - there):
         yield f"{name} is missing"

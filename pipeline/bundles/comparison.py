@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pipeline.bundles.layout import RESULTS, about, opened, unpack
+from pipeline.bundles.layout import RESULTS, about, names, opened, unpack
 from pipeline.config.outside import check_hdf5
 from pipeline.config.problems import InputError, Problem, printable
 from pipeline.workflow import output, pages
@@ -75,7 +75,7 @@ class _Folder(tempfile.TemporaryDirectory[str]):
             return self._path
         with opened(self._path) as archive:
             about(self._path, archive)
-            for name in archive.namelist():
+            for name in names(archive):
                 if name.startswith(f"{RESULTS}/"):
                     unpack(self._path, archive, name, Path(self.name))
         return Path(self.name, RESULTS)

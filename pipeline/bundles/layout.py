@@ -96,7 +96,7 @@ def _fault(members: list[zipfile.ZipInfo]) -> str:
         return f"{len(members)} files of {size:.1f} GiB in all"
     if len(set(names)) < len(names):
         return "a name twice"
-    for one in members:
+    for one in (one for one in members if not _is_folder(one)):
         if not is_plain(one.filename):
             return f"{one.filename!r}, which is no file within it"
         if one.flag_bits & 1 or one.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
@@ -106,6 +106,16 @@ def _fault(members: list[zipfile.ZipInfo]) -> str:
         if one.file_size > MOST_SHARE * (one.compress_size + 1):
             return f"{one.filename!r}, of {one.file_size / 1e6:.0f} MB packed in hardly anything"
     return ""
+
+
+def _is_folder(member: zipfile.ZipInfo) -> bool:
+    """Whether a member is a folder alone, as most programs pack it beside the files in it."""
+    return member.is_dir() and not member.file_size and is_plain(member.filename[:-1])
+
+
+def names(archive: zipfile.ZipFile) -> list[str]:
+    """Names of the files of a bundle."""
+    return [one.filename for one in archive.infolist() if not _is_folder(one)]
 
 
 def is_plain(name: str) -> bool:

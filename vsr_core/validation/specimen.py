@@ -104,11 +104,16 @@ def form(
     vertices = np.array(scan.vertices)
     normals, faces = np.array(scan.vertex_normals), np.array(scan.faces, dtype=np.int64)
     if replica is not None and not _is_one_scan(vertices, replica.vertices):
-        points = np.array(replica.vertices)
-        onto, _, _ = icp(
-            points, scan, threshold=1e-12, max_iterations=100, scale=False, reflection=False
-        )
         moved = replica.copy()
+        moved.apply_translation(scan.center_mass - replica.center_mass)  # or ends where it began
+        onto, _, _ = icp(
+            np.array(moved.vertices),
+            scan,
+            threshold=1e-12,
+            max_iterations=100,
+            scale=False,
+            reflection=False,
+        )
         moved.apply_transform(onto)
         other, distance, _ = closest_point(moved, vertices)
         if np.median(distance) < ALIKE * np.ptp(vertices, axis=0).max():

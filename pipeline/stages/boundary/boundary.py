@@ -79,7 +79,7 @@ def _note(work: Work, notes: list[dict[str, Any]]) -> None:
     if notes:
         spent = ("runs", "seconds", "cpu_seconds")
         work.note(**{name: sum(one[name] for one in notes) for name in spent},
-                  workers=notes[-1]["workers"])  # fmt: skip
+                  engine=work.engine, workers=notes[-1]["workers"])  # fmt: skip
 
 
 def _dataset(data: xr.Dataset, known: Known, search: Search) -> xr.Dataset:

@@ -138,7 +138,8 @@ def run_missing(
         raise Unfinished(f"{given}; the same command does the others")
     seconds = time.monotonic() - start
     workers = cluster.workers if cluster.local else -1
-    work.note(runs=total, seconds=seconds, cpu_seconds=cpu, workers=workers)
+    spent = {"runs": total, "seconds": seconds, "cpu_seconds": cpu}
+    work.note(engine=work.engine, **spent, workers=workers)
     rate = f" in {seconds:.1f} s, {1e3 * cpu / total:.1f} ms of CPU each" if total else ""
     crashed = progress.outcomes[Outcome.CRASHED]
     lost = f", {crashed} of them crashed" if crashed else ""

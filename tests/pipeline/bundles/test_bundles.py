@@ -61,6 +61,22 @@ def bundle(made: Path, vsr: Callable[..., Ran], tmp_path: Path) -> Path:
     return path
 
 
+def test_one_that_was_packed_again_with_its_folders_is_whole(
+    bundle: Path, vsr: Callable[..., Ran], tmp_path: Path
+) -> None:
+    """As ``zip -r`` does."""
+    again = tmp_path / "again.zip"
+    with zipfile.ZipFile(bundle) as archive, zipfile.ZipFile(again, "w") as packed:
+        folders = {f"{part}/" for name in archive.namelist() for part in Path(name).parents}
+        for name in sorted(folders - {"./"}):
+            packed.writestr(name, b"")
+        for name in archive.namelist():
+            packed.writestr(name, archive.read(name), zipfile.ZIP_DEFLATED)
+    ran = vsr("check", again)
+    assert (ran.code, ran.err) == (cli.DONE, "")
+    assert vsr("compare", bundle, again).code == cli.DONE
+
+
 @pytest.mark.slow
 def test_it_is_checked_and_made_again_elsewhere_with_the_same_bytes(
     made: Path,

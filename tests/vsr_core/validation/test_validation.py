@@ -296,14 +296,16 @@ def plain(**changes: object) -> priors.Member:
     return replace(member, **changes)  # type: ignore[arg-type]
 
 
-@pytest.mark.slow
-def test_a_form_scanned_twice_is_known_as_such() -> None:
+@pytest.mark.parametrize(
+    "origin", [pytest.param((0.004, -0.003, 0.002), marks=pytest.mark.slow), (40.0, -25.0, 10.0)]
+)
+def test_a_form_scanned_twice_is_known_as_such(origin: tuple[float, float, float]) -> None:
     other, noise = rough().copy(), 0.001
     other.vertices = other.vertices + noise * np.random.default_rng(3).normal(
         size=(len(other.vertices), 3)
     )
     other.apply_transform(trimesh.transformations.rotation_matrix(0.01, [0, 0, 1]))
-    other.apply_translation([0.004, -0.003, 0.002])
+    other.apply_translation(origin)
     found = specimen.form(rough(), other)
     assert found.replica
     assert found.error == pytest.approx(noise / np.sqrt(2.0), rel=0.3)
