@@ -35,7 +35,7 @@ from pipeline.stages.hazard.hazard_dataset import (
 )
 from pipeline.stages.hazard.hazard_model import MOST_PGA
 from pipeline.stages.hazard.one_rock import Other, alike_in_shape
-from pipeline.stages.hazard.open_ends import open_ends
+from pipeline.stages.hazard.open_ends import open_ends, scaled_late
 from pipeline.stages.hazard.other_rocks import Others, dated
 from pipeline.stages.hazard.rock_ages import of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import of_fits, of_members
@@ -108,7 +108,9 @@ def make(
     of_pgv = assumed.source == "curves"
     found = dataset(analysis, results, by_member, all_cases)
     beyond = open_ends(analysis, results, work.origin, of_pgv=of_pgv)
-    not_known = (*beyond, *sensitivity.too_coarse(all_cases))
+    scale, late = scaled_late(analysis, found["scale_factor"].item(), of_pgv=of_pgv)
+    found["scale_factor"] = (), scale
+    not_known = (*beyond, *late, *sensitivity.too_coarse(all_cases))
     for one in (*beside.slips(), *not_known):
         work.log(f"hazard: {one}")
     facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves)

@@ -17,6 +17,7 @@ from vsr_core.arrays import Array
 from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.ratio import RatioTable
 from vsr_core.hazard.shaking import REACH, CurveShaking, EventShaking
+from vsr_core.hazard.survival import LARGEST_SCALE
 from vsr_core.hazard.toppling import averaged
 
 TOLD, LEAST = 0.95, 0.5
@@ -70,25 +71,60 @@ def begun_late(
     InputError
         If `STRONG` of the weakest topples a rock, as it stands or in an earlier stage.
     """
-    shaking, table = analysis.shaking, analysis.shaking.table
-    late = of_pgv and table.levels[0] > shaking.levels[0]
-    first = (table if late else shaking).levels[:1]
-    chance, name = max(
-        (averaged(one.mean, one.ratios, table, first * [1.0, REACH])(first).item(), rock.name)
-        for rock in analysis.rocks
-        for one in rock.stages
-    )
+    late, first = _first(analysis, of_pgv=of_pgv)
+    chance, name = _toppled_by(analysis, first)
     if chance < WEAK:
         return ()
-    of_what = "earthquakes" if isinstance(shaking, EventShaking) else "curves"
+    of_what = "earthquakes" if isinstance(analysis.shaking, EventShaking) else "curves"
     what = "PGV begins where PGA is" if late else "PGA begins at"
-    given = f"{of_what} whose {what} {in_g(first[0]):.3g} g, of which {chance:.0%} topples {name}"
+    given = f"{of_what} whose {what} {in_g(first):.3g} g, of which {chance:.0%} topples {name}"
     weaker = f"weaker shaking, {'whose PGV/PGA is not known' if late else 'which is left out'},"
     if chance >= STRONG:
         key = "hazard.events" if of_what == "earthquakes" else "hazard.curves"
         remedy = f"give the {of_what} from smaller {what[:3]} on"
         raise _refused(origin, key, given, f"{weaker} seldom topples a rock", remedy)
     return (f"{given}: {weaker} may topple it, too",)
+
+
+def _first(analysis: SurvivalAnalysis, *, of_pgv: bool) -> tuple[bool, float]:
+    """Whether PGV begins after PGA, and the least PGA [m/s^2] of which both are known."""
+    shaking = analysis.shaking
+    late = of_pgv and shaking.table.levels[0] > shaking.levels[0]
+    return late, float((shaking.table if late else shaking).levels[0])
+
+
+def _toppled_by(analysis: SurvivalAnalysis, level: float, factor: float = 1.0) -> tuple[float, str]:
+    """Share of the shaking of a PGA [m/s^2], times a factor, that topples a rock; its name."""
+    table, at = analysis.shaking.table, factor * np.array([level])
+    scaled = replace(table, levels=factor * table.levels)
+    return max(
+        (averaged(one.mean, one.ratios, scaled, at * [1.0, REACH])(at).item(), rock.name)
+        for rock in analysis.rocks
+        for one in rock.stages
+    )
+
+
+def scaled_late(
+    analysis: SurvivalAnalysis, factor: float, *, of_pgv: bool
+) -> tuple[float, tuple[str, ...]]:
+    """The factor on the mean curve with which survival is least, and that it may be too large.
+
+    Shaking that is left out, as it is weaker than the first level, is multiplied, too.
+
+    Returns
+    -------
+    float, NaN where `STRONG` of it then topples a rock
+    tuple of str
+    """
+    _, first = _first(analysis, of_pgv=of_pgv)
+    chance, name = _toppled_by(analysis, first, min(factor, LARGEST_SCALE))
+    if not factor > 1.0 or chance < WEAK:
+        return factor, ()
+    known = chance < STRONG
+    said = f"the factor on the mean curve{f', {factor:.3g},' if known else ''} "
+    said += "may be too large" if known else "is not known"
+    why = f"with it {chance:.0%} of the shaking of their first level, {in_g(first):.3g} g, topples"
+    return factor if known else np.nan, (f"{said}: {why} {name}, and weaker shaking is left out",)
 
 
 def off_runs(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:

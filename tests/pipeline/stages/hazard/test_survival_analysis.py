@@ -28,7 +28,7 @@ from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
-from pipeline.stages.hazard.open_ends import begun_late, left_open, off_runs
+from pipeline.stages.hazard.open_ends import begun_late, left_open, off_runs, scaled_late
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_fits, of_members
@@ -176,6 +176,21 @@ def test_curves_that_begin_where_a_rock_topples(
             begun_late(analysis, origin)
     else:
         assert len(begun_late(analysis, origin)) == told
+
+
+@pytest.mark.parametrize(
+    ("factor", "told"),
+    [(0.5, ""), (1.0, ""), (1.4, ""), (2.0, "5%"), (3.0, "100%"), (np.inf, "100%")],
+)
+def test_a_factor_of_curves_that_begin_late(factor: float, told: str) -> None:
+    """At 0.203 g; of 20 draws one topples from 0.3 g on, the others from 0.5 g on."""
+    rock = DatedRock("rock", ensemble([0.3, *[0.5] * 19], 800), np.array([1e3]))
+    whole = curve(1e-5)
+    late = HazardCurve(whole.levels[17:], whole.rates[17:])
+    analysis = of_curves(HazardModel((Branch("a", "a", 1.0, late),), None), rock)
+    found, words = scaled_late(analysis, factor, of_pgv=False)
+    assert (len(words), math.isnan(found)) == (bool(told), told == "100%")
+    assert all(f"with it {told} of the shaking of their first level, 0.203 g" in w for w in words)
 
 
 @pytest.mark.parametrize(("threshold", "refused"), [(0.5, False), (0.3, True)])
