@@ -99,8 +99,7 @@ def parts_between(low: float, high: float) -> Array:
 def shares(shaking: Shaking, ratios: Array, borders: Array) -> tuple[Array, Array]:
     """How likely each PGA and PGV/PGA is in each of some earthquakes.
 
-    ln PGA is normal with mean m_A and deviation s_A; given ln PGA = a, ln PGV is normal with mean
-    m_V + rho s_V (a - m_A) / s_A and variance s_V^2 (1 - rho^2). Each row of PGV/PGA stands for the
+    ln PGA is normal with mean m_A and deviation s_A. Each row of PGV/PGA stands for the
     values nearer to its own than to another's, in logarithms.
 
     Parameters
@@ -115,15 +114,33 @@ def shares(shaking: Shaking, ratios: Array, borders: Array) -> tuple[Array, Arra
     share : ndarray, shape (n, rows, k + 1), of sum 1 in each earthquake
     """
     x, middles = np.log(borders), _middles(borders)
-    residual = (middles - shaking.pga[:, None]) / shaking.pga_sd[:, None]
-    velocity = shaking.pgv[:, None] + shaking.correlation * shaking.pgv_sd[:, None] * residual
-    left = shaking.pgv_sd * np.sqrt(1.0 - shaking.correlation**2)
-    medians = np.exp(velocity - middles)
+    medians, left = ratios_given(shaking, np.exp(middles))
     of_rows = row_shares(ratios, medians.ravel(), np.repeat(left, len(middles)))
     of_rows = of_rows.reshape(len(ratios), *medians.shape).transpose(1, 0, 2)
     below = ndtr((x - shaking.pga[:, None]) / shaking.pga_sd[:, None])
     edges = np.pad(below, ((0, 0), (1, 1)), constant_values=((0, 0), (0, 1)))
     return np.exp(middles), of_rows * np.diff(edges, axis=1)[:, None, :]
+
+
+def ratios_given(shaking: Shaking, levels: Array) -> tuple[Array, Array]:
+    """PGV/PGA of some earthquakes where they have a PGA.
+
+    Given ln PGA = a, ln PGV is normal with mean m_V + rho s_V (a - m_A) / s_A and variance
+    s_V^2 (1 - rho^2).
+
+    Parameters
+    ----------
+    levels : ndarray, shape (k,) [m/s^2]
+
+    Returns
+    -------
+    medians : ndarray, shape (n, k) [s]
+    log_sds : ndarray, shape (n,)
+    """
+    x = np.log(levels)
+    residual = (x - shaking.pga[:, None]) / shaking.pga_sd[:, None]
+    velocity = shaking.pgv[:, None] + shaking.correlation * shaking.pgv_sd[:, None] * residual
+    return np.exp(velocity - x), shaking.pgv_sd * np.sqrt(1.0 - shaking.correlation**2)
 
 
 def toppling_chance(

@@ -21,6 +21,7 @@ from pipeline.drawing.style import svg_uri
 from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.hazard import exclusion_figures as figures
 from pipeline.stages.hazard.fault_files import Faults
+from pipeline.stages.hazard.open_scenarios import open_faults, open_magnitudes
 from pipeline.stages.hazard.rock_ages import back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_fits, of_members
 from pipeline.stages.mesh.products import RockData
@@ -78,13 +79,19 @@ def make(
     """
     drawn = ensemble is not None and support == "tested"
     own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
+    static = in_si.acceleration(float(rock.data["tipping_pga"].min()))
     found = _map(own, faults)
+    for told in open_magnitudes(own, *_nearest_standing(found, faults), static):
+        work.log(f"exclusion: {told}")
     for one in faults.faults:
         if one.is_frequent:
             often = f"M {one.magnitude:g} of {one.name} comes {one.rate_per_year:g} times a year"
             work.log(f"exclusion: {often}, as of few faults: is it in thousands of years?")
     if faults.faults:
         assert age is not None
+        names = [one.name for one in faults.faults]
+        for told in open_faults(own, _of_all(faults), names, static, work.origin):
+            work.log(f"exclusion: {told}")
         seen = observed if drawn else ()
         ages = back_to(age, history, seen)[:, 0]  # for which it stood as now
         found = found.merge(_of_faults(own, faults, ages))
@@ -133,6 +140,23 @@ def _spans(faults: Faults) -> tuple[tuple[float, float], tuple[float, float]]:
     return (one[0], one[-1]), (other[0], other[-1])
 
 
+def _of_all(faults: Faults) -> Shaking:
+    """Shaking by an earthquake of each fault."""
+    magnitudes, distances = (
+        np.array([getattr(one, name) for one in faults.faults])
+        for name in ("magnitude", "distance_km")
+    )
+    return _shaking(faults, magnitudes, distances)
+
+
+def _nearest_standing(found: xr.Dataset, faults: Faults) -> tuple[Shaking, Array]:
+    """Shaking at the least distances of a map, within it, and their magnitudes."""
+    least = found["least_distance"].values
+    near, far = found["distance"].values[[0, -1]]
+    magnitudes = np.repeat(found["magnitude"].values, least.shape[1])
+    return _shaking(faults, magnitudes, np.clip(least.ravel(), near, far)), magnitudes
+
+
 def _beyond(faults: Faults, magnitudes: Array, distances: Array) -> Mask:
     """Of which earthquakes the shaking is not known; nearest to a fault the equations hold."""
     (weak, strong), (near, far) = _spans(faults)
@@ -171,7 +195,7 @@ def _of_faults(rock: RockFragility, faults: Faults, ages: Array) -> xr.Dataset:
         np.array([getattr(one, name) for one in given])
         for name in ("magnitude", "distance_km", "rate_per_year")
     )
-    chances = _chances(rock, _shaking(faults, magnitudes, distances))
+    chances = _chances(rock, _of_all(faults))
     alone = np.stack(
         [scenarios.survival(chances[:, [i]], rates[[i]], ages) for i in range(len(given))], axis=1
     )

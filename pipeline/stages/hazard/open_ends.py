@@ -137,7 +137,7 @@ def off_runs(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
     """
     shaking = analysis.shaking
     each = (
-        _open_share(stage, rock.name, shaking.table, level)
+        open_share(stage, rock.name, shaking.table, level)
         for rock in analysis.rocks
         for stage in rock.stages
         for level in _asked(stage, _exceeded_once(analysis.before, rock.ages), shaking.levels[-1])
@@ -166,10 +166,10 @@ def _asked(one: RockFragility, once: float, last: float) -> Array:
     return np.minimum(np.append(once, half * TO_TWICE), last)
 
 
-def _open_share(
-    one: RockFragility, name: str, table: RatioTable, level: float
-) -> tuple[float, str]:
-    """Share of the shaking of a PGA [m/s^2] that topples a rock or not, and that in words.
+def open_share(one: RockFragility, name: str, table: RatioTable, level: float) -> tuple[float, str]:
+    """Share of the shaking of a PGA [m/s^2] of which it is open whether it topples a rock.
+
+    Also in words.
 
     What no run is near to is shorter than the first of them and topples it less often, or is
     longer than the last and topples it more often, or between two of them in both.

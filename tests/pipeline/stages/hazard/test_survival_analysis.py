@@ -29,6 +29,7 @@ from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
 from pipeline.stages.hazard.open_ends import begun_late, left_open, off_runs, scaled_late
+from pipeline.stages.hazard.open_scenarios import open_faults, open_magnitudes
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_fits, of_members
@@ -45,6 +46,7 @@ from vsr_core import GRAVITY
 from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.events import Events
 from vsr_core.hazard.ratio import RatioTable
+from vsr_core.hazard.scenarios import Shaking
 from vsr_core.hazard.shaking import CurveShaking, counted_shaking
 from vsr_core.hazard.toppling import borders_of
 
@@ -916,3 +918,30 @@ def test_the_direction_and_the_age_of_a_rock_are_those_of_its_stages_too() -> No
         ended = until[until < age]
         lasted = np.exp(-rate * (0.3**-SLOPE * ended + 0.6**-SLOPE * (age - ended)))
         assert chance == pytest.approx(lasted.mean(), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("median", "static", "told"),
+    [
+        (0.1, 0.2, ""),  # of the runs' own PGV/PGA
+        (1.0, 0.2, "refused"),  # all is longer, and may topple from less than 0.5 g on
+        (1.0, 0.6, ""),  # below which nothing topples, and above which all runs do
+        (0.245, 0.3, "30%"),  # 0.3 of it is beyond 0.2 s times 1.41
+    ],
+)
+def test_faults_of_whose_pgv_pga_there_are_no_runs(median: float, static: float, told: str) -> None:
+    """A rock that topples from 0.5 g on at 0.05, 0.1 and 0.2 s, and an earthquake of 0.3 g."""
+    rock, origin = ensemble([0.5], 800), Origin(name="a", file="a.yaml", path=Path("a.yaml"))
+    pga = np.log([0.3 * GRAVITY])
+    without = {"correlation": 0.0, "pga_sd": np.array([0.01]), "pgv_sd": np.array([0.275])}
+    shaking = Shaking(pga=pga, pgv=pga + np.log(median), **without)
+    if told == "refused":
+        with pytest.raises(InputError, match=r"a.yaml: motion: got runs of the rock at 3 PGV/PGA"):
+            open_faults(rock, shaking, ["A"], static * GRAVITY, origin)
+        return
+    words = open_faults(rock, shaking, ["A"], static * GRAVITY, origin)
+    assert len(words) == bool(told)
+    assert all(f"off {told} of the shaking of 0.3 g" in one for one in words)
+    words = open_magnitudes(rock, shaking, np.array([6.5]), static * GRAVITY)
+    assert len(words) == bool(told)
+    assert all("least distances of M 6.5 may be far off" in one for one in words)

@@ -1,0 +1,88 @@
+"""Earthquakes whose PGV/PGA no run is near, so that it is open whether they topple a rock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import ndtr
+
+from pipeline.config.in_si import acceleration
+from pipeline.config.layers import Origin
+from pipeline.config.problems import InputError, Problem
+from pipeline.stages.hazard.open_ends import MOST_OFF, TO_TWICE, TOLD_OFF, open_share
+from pipeline.stages.hazard.rock_fragility import RockFragility
+from vsr_core.arrays import Array
+from vsr_core.hazard.ratio import RatioTable
+from vsr_core.hazard.scenarios import Shaking, ratios_given
+
+LIKELY = 0.01
+"""Probability with which an earthquake exceeds a PGA of which it is asked."""
+
+
+def open_faults(
+    rock: RockFragility, shaking: Shaking, names: Sequence[str], static: float, origin: Origin
+) -> tuple[str, ...]:
+    """Faults of whose shaking much is open, in words.
+
+    Parameters
+    ----------
+    static : float [m/s^2], PGA below which no shaking topples the rock
+
+    Raises
+    ------
+    InputError
+        If most of it is.
+    """
+    found = _open(rock, shaking, static)
+    told = []
+    for name, (share, given) in zip(names, found, strict=True):
+        if share >= MOST_OFF:
+            file, rule = origin.file_of("motion"), "runs are of the PGV/PGA of most of the shaking"
+            said = f"{given} by {name}"
+            raise InputError(Problem(file, "motion", said, rule, "set more of them"))
+        if share >= TOLD_OFF:
+            told.append(f"{given} by {name}: it counts as of the nearest of them")
+    return tuple(told)
+
+
+def open_magnitudes(
+    rock: RockFragility, shaking: Shaking, magnitudes: Array, static: float
+) -> tuple[str, ...]:
+    """Magnitudes whose least distances are open, in words.
+
+    Parameters
+    ----------
+    shaking : of earthquakes at those distances
+    magnitudes : ndarray, shape (n,), of each of them
+    static : float [m/s^2], PGA below which no shaking topples the rock
+    """
+    found = _open(rock, shaking, static)
+    open_ones = [at for at, (share, _) in enumerate(found) if share >= TOLD_OFF]
+    if not open_ones:
+        return ()
+    worst = max(open_ones, key=lambda at: found[at][0])
+    low, high = magnitudes[open_ones].min(), magnitudes[open_ones].max()
+    span = f"M {low:.1f}" if low == high else f"M {low:.1f} to {high:.1f}"
+    given = f"{found[worst][1]} by M {magnitudes[worst]:.1f}"
+    return (f"least distances of {span} may be far off: {given}",)
+
+
+def _open(rock: RockFragility, shaking: Shaking, static: float) -> list[tuple[float, str]]:
+    """Share of each earthquake's shaking that is open at some PGA, and that in words."""
+    low, high = acceleration(np.array(rock.tested))
+    tried = np.geomspace(low, high, 200)
+    toppled = rock.mean(tried).max(axis=0) >= 0.5
+    half = tried[toppled.argmax()] if toppled.any() else high
+    found = []
+    for one in shaking.parted(1):
+        asked = np.concatenate([np.exp(one.pga), static * TO_TWICE, half * TO_TWICE])
+        likely = ndtr((one.pga - np.log(asked)) / one.pga_sd) >= LIKELY
+        medians, log_sds = ratios_given(one, asked)
+        each = [
+            open_share(rock, "the rock", RatioTable(asked[[at]], medians[0, [at]], log_sds), level)
+            for at, level in enumerate(asked)
+            if likely[at] and level >= static
+        ]
+        found.append(max(each, default=(0.0, "")))
+    return found
