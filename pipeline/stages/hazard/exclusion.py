@@ -6,6 +6,7 @@ an earthquake of a magnitude brings at a distance.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import xarray as xr
 
 from pipeline.config import in_si
 from pipeline.config.hazard_schema import Age, History
+from pipeline.config.layers import Origin
 from pipeline.config.observation_schema import Observations
 from pipeline.config.paths import shown
 from pipeline.config.sections import Key
@@ -21,6 +23,7 @@ from pipeline.drawing.style import svg_uri
 from pipeline.stages.fragility.summary import Fits
 from pipeline.stages.hazard import exclusion_figures as figures
 from pipeline.stages.hazard.fault_files import Faults
+from pipeline.stages.hazard.open_ends import told_of_untested
 from pipeline.stages.hazard.open_scenarios import open_faults, open_magnitudes
 from pipeline.stages.hazard.rock_ages import back_to
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_fits, of_members
@@ -89,12 +92,11 @@ def make(
             work.log(f"exclusion: {often}, as of few faults: is it in thousands of years?")
     if faults.faults:
         assert age is not None
-        names = [one.name for one in faults.faults]
-        for told in open_faults(own, _of_all(faults), names, static, work.origin):
-            work.log(f"exclusion: {told}")
         seen = observed if drawn else ()
         ages = back_to(age, history, seen)[:, 0]  # for which it stood as now
         found = found.merge(_of_faults(own, faults, ages))
+        for told in _open(own, faults, ages, found, static, work.origin):
+            work.log(f"exclusion: {told}")
         found["fault_rejected"] = (found["fault_survival"] < minimum).astype(np.int8)
     known = rock.data.attrs
     page = {
@@ -218,6 +220,24 @@ def _of_faults(rock: RockFragility, faults: Faults, ages: Array) -> xr.Dataset:
         },
         {"fault": [one.name for one in given]},
     )
+
+
+def _open(
+    rock: RockFragility,
+    faults: Faults,
+    ages: Array,
+    found: xr.Dataset,
+    static: float,
+    origin: Origin,
+) -> Iterator[str]:
+    """What is not known of the shaking by some faults, or of what it topples, in words."""
+    names = found["fault"].values.tolist()
+    yield from open_faults(rock, _of_all(faults), names, static, origin)
+    most = _of_faults(rock.within_tested(), faults, ages)
+    each = (data["fault_survival"].values.tolist() for data in (found, most))
+    for name, survival, without in zip(names, *each, strict=True):
+        of = f"the rock under {name}"
+        yield from told_of_untested(survival, without, of, rock.tested[1], origin)
 
 
 def _distances(found: xr.Dataset) -> pd.DataFrame:

@@ -35,7 +35,7 @@ from pipeline.stages.hazard.hazard_dataset import (
 )
 from pipeline.stages.hazard.hazard_model import MOST_PGA
 from pipeline.stages.hazard.one_rock import Other, alike_in_shape
-from pipeline.stages.hazard.open_ends import open_ends, scaled_late
+from pipeline.stages.hazard.open_ends import open_cases, open_ends, scaled_late
 from pipeline.stages.hazard.other_rocks import Others, dated
 from pipeline.stages.hazard.rock_ages import of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import of_fits, of_members
@@ -110,7 +110,8 @@ def make(
     beyond = open_ends(analysis, results, work.origin, of_pgv=of_pgv)
     scale, late = scaled_late(analysis, found["scale_factor"].item(), of_pgv=of_pgv)
     found["scale_factor"] = (), scale
-    not_known = (*beyond, *late, *sensitivity.too_coarse(all_cases))
+    of_others = open_cases(all_cases, compared, work.origin)
+    not_known = (*beyond, *late, *of_others, *sensitivity.too_coarse(all_cases))
     for one in (*beside.slips(), *not_known):
         work.log(f"hazard: {one}")
     facts = page(name, config, rock, analysis, assumed, found, shown(curves.path), curves)

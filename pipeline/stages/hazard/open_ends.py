@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import replace
 from operator import itemgetter
 
@@ -12,6 +13,7 @@ from pipeline.config.in_si import acceleration, in_g
 from pipeline.config.layers import Origin
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.hazard.rock_fragility import RockFragility
+from pipeline.stages.hazard.sensitivity import Case
 from pipeline.stages.hazard.survival_analysis import BranchResults, SurvivalAnalysis
 from vsr_core.arrays import Array
 from vsr_core.hazard.curve import HazardCurve
@@ -56,6 +58,7 @@ def open_ends(
     """
     return (
         *left_open(analysis, results, origin, of_pgv=of_pgv),
+        *untested(analysis, results, origin),
         *begun_late(analysis, origin, of_pgv=of_pgv),
         *off_runs(analysis, origin),
     )
@@ -224,6 +227,59 @@ def left_open(
         remedy = "give the curve to levels that are exceeded more rarely"
         raise _refused(origin, "hazard.curves", given, rule, remedy)
     return (given,)
+
+
+def untested(analysis: SurvivalAnalysis, results: BranchResults, origin: Origin) -> tuple[str, ...]:
+    """What survival may be too small by, as no stronger shaking was tried.
+
+    Beyond the largest PGA that was tried the fits go on, and what stood there topples just above.
+
+    Raises
+    ------
+    InputError
+        If less than `LEAST` of it is left with that.
+    """
+    standing = replace(analysis, rocks=tuple(one.within_tested() for one in analysis.rocks))
+    most = float(analysis.weights @ standing.survival(analysis.shaking.rates))
+    least = float(analysis.weights @ results.survival)
+    name, tested = min(
+        ((rock.name, one.tested[1]) for rock in analysis.rocks for one in rock.stages),
+        key=itemgetter(1),
+    )
+    return told_of_untested(least, most, name, tested, origin)
+
+
+def told_of_untested(
+    least: float, most: float, name: str, tested: float, origin: Origin
+) -> tuple[str, ...]:
+    """The same of a survival with and without what topples beyond a PGA [g] that was tried."""
+    if least >= TOLD * most:
+        return ()
+    given = f"no runs of {name} above {tested:.3g} g: survival is {least:.2g} with what its fits "
+    given += f"take to topple there, and {most:.2g} without"
+    if least < LEAST * most:
+        rule = "what was not tried may not halve the survival"
+        raise _refused(origin, "fragility.highest", given, rule, "raise it, and motion.pga")
+    return (given,)
+
+
+def open_cases(found: Iterable[Case], compared: Container[str], origin: Origin) -> Iterator[str]:
+    """What is not known of cases of other runs than the rock's, in words; none is refused.
+
+    Parameters
+    ----------
+    compared : names of these cases
+    """
+    for case in found:
+        if case.name in compared:
+            try:
+                told = (
+                    *off_runs(case.analysis, origin),
+                    *untested(case.analysis, case.results, origin),
+                )
+            except InputError as error:
+                told = tuple(one.given for one in error.problems)
+            yield from (f"{case.name}: {one}" for one in told)
 
 
 def _refused(origin: Origin, key: str, given: str, rule: str, remedy: str) -> InputError:

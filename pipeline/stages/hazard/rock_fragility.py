@@ -94,6 +94,13 @@ class RockFragility:
 
         return self._with_rows(self.ratios[np.unique(place, return_index=True)[1]], mean)
 
+    def within_tested(self) -> RockFragility:
+        """The same, as if nothing toppled beyond the largest PGA that was tried."""
+        last = in_si.acceleration(self.tested[1]) * (1.0 + _ALIKE)
+        return self._with_rows(
+            self.ratios, lambda rows: lambda level: np.where(level <= last, rows(level), 0.0)
+        )
+
     def every_second(self, first: int) -> RockFragility:
         """The same by half of its rows, from the first or second (0 or 1) on; one row stays."""
         ratios = self.ratios[first::2]
@@ -121,6 +128,9 @@ def of_fits(fits: Fits) -> RockFragility:
     known = np.isfinite(data["theta"].values).all(axis=2)
     if not known.any():
         raise _without_fragility(str(fits.folder / fits.FILE), "report")
+    below = data["theta"].values[known] < _searched(data)[0]
+    if (share := float(below.mean())) > MOST_BELOW:
+        raise _too_low("fragility.nc", "fits", share, _searched(data)[0])
     theta = in_si.acceleration(data["theta"].values)
     ends = in_si.acceleration(data["theta_interval"].values)
     beta = data["beta"].values
@@ -161,9 +171,7 @@ def of_members(data: xr.Dataset) -> RockFragility:
     """
     below = open_below(data, "member_boundary") == 0.0
     if (share := float(below.mean())) > MOST_BELOW:
-        given = f"{share:.0%} of the boundaries of its draws below {_searched(data)[0]:g} g"
-        rule = f"at most {MOST_BELOW:.0%} lie below the least PGA tried, where they are assumed"
-        raise InputError(Problem("uncertainty.nc", "fragility.lowest", given, rule, "lower it"))
+        raise _too_low("uncertainty.nc", "draws", share, _searched(data)[0])
     row = rows_of(data)
     ratio = "pgv_pga" if row == "pgv_pga" else "record_pgv_pga"
     data = data.isel({row: np.argsort(data[ratio].values, kind="stable")})
@@ -203,6 +211,12 @@ def of_members(data: xr.Dataset) -> RockFragility:
         data["drawn_seed"].values - FIRST_SEED,
     )
     return found.one_row_each()
+
+
+def _too_low(file: str, of: str, share: float, least: float) -> InputError:
+    given = f"{share:.0%} of the boundaries of its {of} below {least:g} g"
+    rule = f"at most {MOST_BELOW:.0%} lie below the least PGA tried, where they are assumed"
+    return InputError(Problem(file, "fragility.lowest", given, rule, "lower it"))
 
 
 def _remembered(rows: RowFragility) -> RowFragility:

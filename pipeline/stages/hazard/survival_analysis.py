@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -45,8 +46,15 @@ class DatedRock:
 
     def every_second(self, first: int) -> DatedRock:
         """The same by every second PGV/PGA of the runs, from the first or second (0 or 1) on."""
-        earlier = tuple((one.every_second(first), until) for one, until in self.earlier)
-        return replace(self, fragility=self.fragility.every_second(first), earlier=earlier)
+        return self._with_each(lambda one: one.every_second(first))
+
+    def within_tested(self) -> DatedRock:
+        """The same, as if nothing toppled beyond the largest PGA that was tried."""
+        return self._with_each(RockFragility.within_tested)
+
+    def _with_each(self, of: Callable[[RockFragility], RockFragility]) -> DatedRock:
+        earlier = tuple((of(one), until) for one, until in self.earlier)
+        return replace(self, fragility=of(self.fragility), earlier=earlier)
 
     @property
     def numbers(self) -> Indices:

@@ -431,9 +431,11 @@ def test_a_row_that_no_run_topples_may_stand_for_ever() -> None:
             "theta_interval": ((*rows, "bound"), [[[[1.9, np.inf], [0.4, 0.6], [0.0, 0.022]]]]),
         },
         {"yaw": [0.0], "friction": [0.5], "pgv_pga": [0.1, 0.2, 0.4], "pga": [0.1, 1.0]},
-        dict.fromkeys(SEARCHED, 1.0),
+        dict(zip(SEARCHED, (0.02, 1.0), strict=True)),
     )
     found = of_fits(SimpleNamespace(data=data))
+    with pytest.raises(InputError, match=r"33% of the boundaries of its fits below 0\.05 g"):
+        of_fits(SimpleNamespace(data=data.assign_attrs({SEARCHED[0]: 0.05})))
     low, high = (one(GRAVITY * np.array([1e-6, 0.5, 1e6])) for one in found.others)
     assert (high[0] == 0.0).all()
     assert (low[2] == 1.0).all()
