@@ -291,7 +291,7 @@ def checked(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
         )
     if len(crossing):
         repaired.append(
-            f"{len(crossing)} crossing pairs of faces left as they are ({share:.1e} of the surface)"
+            f"{len(crossing)} crossings of faces left as they are ({share:.1e} of the surface)"
         )
     return mesh, tuple(repaired)
 

@@ -78,7 +78,7 @@ def make(
     }
     note = f"{origin['shape_source']}; {made.rock.mass:.4g} kg, turned {turned:.2f} deg to rest"
     if repaired:
-        note += "; repaired, as `vsr prep` shows"
+        note += "; what was found or changed, `vsr prep` shows"
     if doubtful:
         note += f"; doubtful: {'; '.join(doubtful)}"
     return Product({RockData.FILE: netcdf(described(dataset, work, "Rock"))}, note)
@@ -132,8 +132,8 @@ def _from_scan(
     mesh = trimesh.Trimesh(data["rock_vertex"].values, faces, process=False)
     origin: Origin = {name: data.attrs[name] for name in ("shape_source", "surrogate")}
     mesh, repaired = solid.checked(mesh)
-    before = data.attrs.get("repaired")  # of a rock in a file of its own
-    return mesh, origin, (*filter(None, (before,)), *repaired)
+    before = data.attrs.get("repaired", "").split("; ")  # of a rock in a file of its own
+    return mesh, origin, tuple(dict.fromkeys((*filter(None, before), *repaired)))
 
 
 def _dataset(made: Solid, level: Rock) -> xr.Dataset:

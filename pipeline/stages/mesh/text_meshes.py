@@ -59,7 +59,7 @@ def of_obj(file: BinaryIO) -> trimesh.Trimesh:
         if key == b"v" and len(words) in (3, 4, 6, 7):
             point = _numbers(line, words, float)
             vertices.extend(point[:3])
-            colours.extend(point[-3:] if len(point) > 4 else ())
+            colours.extend(point[3:] if len(point) == 6 else ())
         elif key in (b"f", b"fo") and len(words) > 2:
             corners.extend(_corners(line, words, len(vertices) // 3))
             sizes.append(len(words))

@@ -160,8 +160,8 @@ def band(found: xr.Dataset) -> Figure:
         ylabel="static tipping acceleration [g]",
         xticks=np.arange(0.0, 361.0, 60.0),
         xlim=(0.0, 360.0),
-        yscale="log",
     )
+    axes.set_ylim(bottom=0.0)
     figure.legend(loc="outside lower center", ncols=2)
     return figure
 

@@ -101,6 +101,9 @@ def make(
         )
     found = outcomes(wanted)
     known = drawing.priors(config)
+    if shape.replica:
+        apart = f"differ as if each had an error of {1e3 * shape.error:.2g} mm at the base"
+        work.log(f"uncertainty: the two scans {apart}")
     base: Array | None = None
     if scan:
         base = told.seat_effects(draws, given)
