@@ -28,7 +28,14 @@ from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
-from pipeline.stages.hazard.open_ends import begun_late, left_open, off_runs, scaled_late
+from pipeline.stages.hazard.open_ends import (
+    begun_late,
+    left_open,
+    off_runs,
+    open_cases,
+    scaled_late,
+    untested,
+)
 from pipeline.stages.hazard.open_scenarios import open_faults, open_magnitudes
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
@@ -38,6 +45,7 @@ from pipeline.stages.hazard.sensitivity import (
     BASE_CASE,
     DRAWN_ANEW,
     EVERY_SECOND,
+    Case,
     cases,
     too_coarse,
 )
@@ -178,6 +186,27 @@ def test_curves_that_begin_where_a_rock_topples(
             begun_late(analysis, origin)
     else:
         assert len(begun_late(analysis, origin)) == told
+
+
+@pytest.mark.parametrize(("often", "told"), [(0.04, ""), (0.5, "0.61"), (0.8, "refused")])
+def test_a_rock_that_topples_beyond_what_was_tried(often: float, told: str) -> None:
+    """From 3 g on by its fit, which is so often exceeded within its age; runs go to 2 g."""
+    origin, years = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml")), 1e3
+    rock = DatedRock("rock", ensemble([3.0], 800), np.array([years]))
+    analysis = of_curves(model(often / years * 3.0**SLOPE), rock)
+    results = analysis.results()
+    if told == "refused":  # exp(-0.8) = 0.45
+        with pytest.raises(InputError, match=r"fragility\.highest: got no runs of rock above 2 g"):
+            untested(analysis, results, origin)
+    else:
+        words = untested(analysis, results, origin)
+        assert len(words) == bool(told)
+        assert all(f"survival is {told} with what its fits" in one for one in words)
+    case = Case("study: other", analysis, results)
+    said = list(open_cases([case], [case.name], origin))
+    assert len(said) == bool(told)
+    assert all(one.startswith("study: other: no runs of rock above 2 g") for one in said)
+    assert not list(open_cases([case], [], origin))
 
 
 @pytest.mark.parametrize(
