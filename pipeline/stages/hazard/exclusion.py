@@ -84,7 +84,10 @@ def make(
     own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
     static = in_si.acceleration(float(rock.data["tipping_pga"].min()))
     found = _map(own, faults)
-    for told in open_magnitudes(own, *_nearest_standing(found, faults), static):
+    for told in (
+        *open_magnitudes(own, *_nearest_standing(found, faults), static),
+        *_untested_magnitudes(found, _map(own.within_tested(), faults), own.tested[1]),
+    ):
         work.log(f"exclusion: {told}")
     for one in faults.faults:
         if one.is_frequent:
@@ -157,6 +160,26 @@ def _nearest_standing(found: xr.Dataset, faults: Faults) -> tuple[Shaking, Array
     near, far = found["distance"].values[[0, -1]]
     magnitudes = np.repeat(found["magnitude"].values, least.shape[1])
     return _shaking(faults, magnitudes, np.clip(least.ravel(), near, far)), magnitudes
+
+
+def _untested_magnitudes(found: xr.Dataset, within: xr.Dataset, tested: float) -> Iterator[str]:
+    """Magnitudes whose least distances rest on a PGA [g] that was not tried, in words.
+
+    Parameters
+    ----------
+    within : the map if nothing more toppled beyond it
+    """
+    one, other = (np.maximum(data["least_distance"].values, _NEAR) for data in (found, within))
+    with np.errstate(invalid="ignore"):
+        off = (one != other) & ~(np.abs(np.log(one / other)) < np.log(_FACTOR))
+    if len(magnitudes := found["magnitude"].values[off.any(axis=1)]):
+        span = " to ".join(f"{at:.1f}" for at in sorted({magnitudes.min(), magnitudes.max()}))
+        why = f"no runs are above {tested:.3g} g, where its fits take the rock to topple"
+        yield f"least distances of M {span} may be too large: {why}"
+
+
+_NEAR = 0.1
+"""Distance [km] in place of none."""
 
 
 def _beyond(faults: Faults, magnitudes: Array, distances: Array) -> Mask:

@@ -35,7 +35,7 @@ from pipeline.stages.hazard.hazard_dataset import (
 )
 from pipeline.stages.hazard.hazard_model import MOST_PGA
 from pipeline.stages.hazard.one_rock import Other, alike_in_shape
-from pipeline.stages.hazard.open_ends import open_cases, open_ends, scaled_late
+from pipeline.stages.hazard.open_ends import of_scale, open_cases, open_ends
 from pipeline.stages.hazard.other_rocks import Others, dated
 from pipeline.stages.hazard.rock_ages import of_age, years_observed
 from pipeline.stages.hazard.rock_fragility import of_fits, of_members
@@ -108,7 +108,7 @@ def make(
     of_pgv = assumed.source == "curves"
     found = dataset(analysis, results, by_member, all_cases)
     beyond = open_ends(analysis, results, work.origin, of_pgv=of_pgv)
-    scale, late = scaled_late(analysis, found["scale_factor"].item(), of_pgv=of_pgv)
+    scale, late = of_scale(analysis, found["scale_factor"].item(), of_pgv=of_pgv)
     found["scale_factor"] = (), scale
     of_others = open_cases(all_cases, compared, work.origin)
     not_known = (*beyond, *late, *of_others, *sensitivity.too_coarse(all_cases))

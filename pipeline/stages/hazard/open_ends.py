@@ -107,27 +107,41 @@ def _toppled_by(analysis: SurvivalAnalysis, level: float, factor: float = 1.0) -
     )
 
 
-def scaled_late(
+def of_scale(
     analysis: SurvivalAnalysis, factor: float, *, of_pgv: bool
 ) -> tuple[float, tuple[str, ...]]:
-    """The factor on the mean curve with which survival is least, and that it may be too large.
+    """The factor on the mean curve with which survival is least, and what it rests on.
 
-    Shaking that is left out, as it is weaker than the first level, is multiplied, too.
+    Shaking that is left out, as it is weaker than the first level, is multiplied, too; and much may
+    then be stronger than any that was tried.
 
     Returns
     -------
-    float, NaN where `STRONG` of it then topples a rock
+    float, NaN where `STRONG` of the shaking of the first level then topples a rock
     tuple of str
     """
+    name, tested = _least_tested(analysis)
+    told: tuple[str, ...] = ()
+    if 0.0 < factor < np.inf:
+        stood = analysis.within_tested().survival_scaled(factor)
+        if stood > _TWICE * analysis.survival_scaled(factor):
+            least = f"survival with it would be {stood:.2g}, if nothing more toppled there"
+            given = f"no runs of {name} above {tested:.3g} g: {least}"
+            told = (f"the factor on the mean curve, {factor:.3g}, may be too small: {given}",)
     _, first = _first(analysis, of_pgv=of_pgv)
     chance, name = _toppled_by(analysis, first, min(factor, LARGEST_SCALE))
     if not factor > 1.0 or chance < WEAK:
-        return factor, ()
-    known = chance < STRONG
-    said = f"the factor on the mean curve{f', {factor:.3g},' if known else ''} "
-    said += "may be too large" if known else "is not known"
+        return factor, told
+    is_known = chance < STRONG
+    said = f"the factor on the mean curve{f', {factor:.3g},' if is_known else ''} "
+    said += "may be too large" if is_known else "is not known"
     why = f"with it {chance:.0%} of the shaking of their first level, {in_g(first):.3g} g, topples"
-    return factor if known else np.nan, (f"{said}: {why} {name}, and weaker shaking is left out",)
+    late = f"{said}: {why} {name}, and weaker shaking is left out"
+    return factor if is_known else np.nan, (*told, late)
+
+
+_TWICE = 2.0
+"""Times the survival with a factor from which on that is told to be too small."""
 
 
 def off_runs(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
@@ -239,14 +253,15 @@ def untested(analysis: SurvivalAnalysis, results: BranchResults, origin: Origin)
     InputError
         If less than `LEAST` of it is left with that.
     """
-    standing = replace(analysis, rocks=tuple(one.within_tested() for one in analysis.rocks))
-    most = float(analysis.weights @ standing.survival(analysis.shaking.rates))
+    most = float(analysis.weights @ analysis.within_tested().survival(analysis.shaking.rates))
     least = float(analysis.weights @ results.survival)
-    name, tested = min(
-        ((rock.name, one.tested[1]) for rock in analysis.rocks for one in rock.stages),
-        key=itemgetter(1),
-    )
-    return told_of_untested(least, most, name, tested, origin)
+    return told_of_untested(least, most, *_least_tested(analysis), origin)
+
+
+def _least_tested(analysis: SurvivalAnalysis) -> tuple[str, float]:
+    """The rock, or its stage, of whose runs the largest PGA [g] is least, and that."""
+    each = ((rock.name, one.tested[1]) for rock in analysis.rocks for one in rock.stages)
+    return min(each, key=itemgetter(1))
 
 
 def told_of_untested(

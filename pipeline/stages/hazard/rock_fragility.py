@@ -95,10 +95,10 @@ class RockFragility:
         return self._with_rows(self.ratios[np.unique(place, return_index=True)[1]], mean)
 
     def within_tested(self) -> RockFragility:
-        """The same, as if nothing toppled beyond the largest PGA that was tried."""
-        last = in_si.acceleration(self.tested[1]) * (1.0 + _ALIKE)
+        """The same, as if nothing more toppled beyond the largest PGA that was tried."""
+        last = in_si.acceleration(self.tested[1])
         return self._with_rows(
-            self.ratios, lambda rows: lambda level: np.where(level <= last, rows(level), 0.0)
+            self.ratios, lambda rows: lambda level: rows(np.minimum(level, last))
         )
 
     def every_second(self, first: int) -> RockFragility:

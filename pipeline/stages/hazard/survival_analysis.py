@@ -49,7 +49,7 @@ class DatedRock:
         return self._with_each(lambda one: one.every_second(first))
 
     def within_tested(self) -> DatedRock:
-        """The same, as if nothing toppled beyond the largest PGA that was tried."""
+        """The same, as if nothing more toppled beyond the largest PGA that was tried."""
         return self._with_each(RockFragility.within_tested)
 
     def _with_each(self, of: Callable[[RockFragility], RockFragility]) -> DatedRock:
@@ -267,6 +267,10 @@ class SurvivalAnalysis:
         if not new.rejected.all():
             after = mean_curve(self.curves, new.weights, self.model.levels)
         return BranchResults(rates, survival, new.rejected, new.weights, after)
+
+    def within_tested(self) -> SurvivalAnalysis:
+        """The same, as if nothing more toppled beyond the largest PGA that was tried."""
+        return replace(self, rocks=tuple(rock.within_tested() for rock in self.rocks))
 
     def with_first(self, rock: DatedRock) -> SurvivalAnalysis:
         """The same analysis, the first rock changed."""

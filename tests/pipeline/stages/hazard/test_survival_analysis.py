@@ -31,9 +31,9 @@ from pipeline.stages.hazard.hazard_model import Branch, HazardModel
 from pipeline.stages.hazard.open_ends import (
     begun_late,
     left_open,
+    of_scale,
     off_runs,
     open_cases,
-    scaled_late,
     untested,
 )
 from pipeline.stages.hazard.open_scenarios import open_faults, open_magnitudes
@@ -198,6 +198,8 @@ def test_a_rock_that_topples_beyond_what_was_tried(often: float, told: str) -> N
     if told == "refused":  # exp(-0.8) = 0.45
         with pytest.raises(InputError, match=r"fragility\.highest: got no runs of rock above 2 g"):
             untested(analysis, results, origin)
+        tried = replace(analysis, rocks=(replace(rock, fragility=ensemble([1.9], 800)),))
+        assert untested(tried, tried.results(), origin) == ()  # it stays toppled beyond
     else:
         words = untested(analysis, results, origin)
         assert len(words) == bool(told)
@@ -219,9 +221,23 @@ def test_a_factor_of_curves_that_begin_late(factor: float, told: str) -> None:
     whole = curve(1e-5)
     late = HazardCurve(whole.levels[17:], whole.rates[17:])
     analysis = of_curves(HazardModel((Branch("a", "a", 1.0, late),), None), rock)
-    found, words = scaled_late(analysis, factor, of_pgv=False)
+    found, words = of_scale(analysis, factor, of_pgv=False)
     assert (len(words), math.isnan(found)) == (bool(told), told == "100%")
     assert all(f"with it {told} of the shaking of their first level, 0.203 g" in w for w in words)
+
+
+def test_a_factor_that_hangs_on_what_was_not_tried() -> None:
+    """Of a rock that topples from 3 g on by its fit, and whose runs go to 2 g."""
+    for threshold, told in ((1.0, 0), (3.0, 1)):
+        rock = DatedRock("rock", ensemble([threshold], 800), np.array([1e3]))
+        analysis = of_curves(model(1e-5), rock)
+        factor = math.sqrt(3.0 / 1e3 / 1e-5) * threshold  # which leaves exp(-3)
+        assert analysis.survival_scaled(factor) == pytest.approx(math.exp(-3.0), rel=0.05)
+        found, words = of_scale(analysis, factor, of_pgv=False)
+        assert (found, len([one for one in words if "no runs of rock above 2 g" in one])) == (
+            factor,
+            told,
+        )
 
 
 @pytest.mark.parametrize(("threshold", "refused"), [(0.5, False), (0.3, True)])
