@@ -1341,18 +1341,18 @@ def test_products_of_another_rock_as_it_was_are_not_taken(
     hazard = HAZARD.split(", compare")[0].replace(str(CURVES), str(curves))
     rocks = ", compare: [], rocks: [{site: other.yaml, age: {kind: normal, mean: 900}}]}\n"
     site = write_site(BOX + GRID + hazard + rocks)
-    page = stage.page
+    page, late = stage.page, "hazard_curve-rlz-009-PGA_1.csv"
 
     def later(*given: Any) -> Any:
-        (curves / "notes.csv").write_text("later\n")
+        (curves / late).write_text("later\n")
         return page(*given)
 
     with monkeypatch.context() as patch:
         patch.setattr(stage, "page", later)
         ran = vsr("run", "hazard", "--site", site, "--workers", 0)
     assert ran.code == 2
-    assert "file notes.csv new while a command" in ran.err
-    (curves / "notes.csv").unlink()
+    assert f"file {late} new while a command" in ran.err
+    (curves / late).unlink()
     write_site(BOX.replace("2110", "2500") + GRID.replace("[0, 90]", "[0, 45]"), name="other")
     with monkeypatch.context() as patch:
         patch.setattr(commands, "others_of", lambda job: iter(()))  # as done before the edit
