@@ -10,11 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 import trimesh
 from trimesh.proximity import closest_point
 from trimesh.registration import icp
+from trimesh.transformations import rotation_matrix, translation_matrix
 
 from vsr_core import GRAVITY
 from vsr_core.arrays import Array, Indices
@@ -52,6 +54,9 @@ public scans of granite specimens, 10 to 50 mm apart, has lost two thirds of its
 
 WAVES = 200
 """Plane waves that make a random field."""
+
+_SOME, _WAYS, _FEW = 400, 12, 15
+"""Points of a replica, ways in which it is turned, and steps, by which it is known how it lies."""
 
 TRIES = 50
 """Random shapes drawn until one stands."""
@@ -96,7 +101,7 @@ def form(
     ----------
     scan : Trimesh [m], closed, z up
     replica : Trimesh [m] or None
-        Brought onto the scan by iterated closest points; taken only if the two are ``ALIKE``,
+        Laid onto the scan, z up as that; taken only if the two are ``ALIKE``,
         and not one scan that is saved twice, turned or not.
     error, length : float [m], standard deviation of the scan's error at the base, and the length
         over which errors are alike, where there is no replica
@@ -105,16 +110,7 @@ def form(
     normals, faces = np.array(scan.vertex_normals), np.array(scan.faces, dtype=np.int64)
     if replica is not None and not _is_one_scan(vertices, replica.vertices):
         moved = replica.copy()
-        moved.apply_translation(scan.center_mass - replica.center_mass)  # or ends where it began
-        onto, _, _ = icp(
-            np.array(moved.vertices),
-            scan,
-            threshold=1e-12,
-            max_iterations=100,
-            scale=False,
-            reflection=False,
-        )
-        moved.apply_transform(onto)
+        moved.apply_transform(_onto(scan, replica))
         other, distance, _ = closest_point(moved, vertices)
         if np.median(distance) < ALIKE * np.ptp(vertices, axis=0).max():
             low = vertices[:, 2] < vertices[:, 2].min() + BASE_SHARE * np.ptp(vertices[:, 2])
@@ -122,6 +118,25 @@ def form(
             half = float(apart.std()) / np.sqrt(2.0)
             return Form(vertices, normals, faces, other, half, 0.0, True)
     return Form(vertices, normals, faces, vertices, error, error, False, length)
+
+
+def _onto(scan: trimesh.Trimesh, replica: trimesh.Trimesh) -> Array:
+    """The motion that lays a replica onto a scan, shape (4, 4), by iterated closest points.
+
+    These end near where they begin: with the two middles together, turned about the vertical in the
+    way from which some of the points come nearest.
+    """
+    points = np.array(replica.vertices)
+    some = points[np.linspace(0, len(points) - 1, min(_SOME, len(points))).astype(int)]
+    how = {"threshold": 1e-12, "scale": False, "reflection": False}
+    together = translation_matrix(scan.center_mass - replica.center_mass)
+    found = []
+    for angle in np.arange(_WAYS) * 2.0 * np.pi / _WAYS:
+        start = rotation_matrix(angle, (0.0, 0.0, 1.0), scan.center_mass) @ together
+        onto, _, cost = icp(some, scan, initial=start, max_iterations=_FEW, **how)
+        found.append((cost, onto))
+    start = min(found, key=itemgetter(0))[1]
+    return np.asarray(icp(points, scan, initial=start, max_iterations=100, **how)[0])
 
 
 def _is_one_scan(one: Array, other: Array) -> bool:

@@ -84,29 +84,27 @@ def make(
     own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
     static = in_si.acceleration(float(rock.data["tipping_pga"].min()))
     found = _map(own, faults)
-    for told in (
+    not_known = [
         *open_magnitudes(own, *_nearest_standing(found, faults), static),
         *_untested_magnitudes(found, _map(own.within_tested(), faults), own.tested[1]),
-    ):
-        work.log(f"exclusion: {told}")
-    for one in faults.faults:
-        if one.is_frequent:
-            often = f"M {one.magnitude:g} of {one.name} comes {one.rate_per_year:g} times a year"
-            work.log(f"exclusion: {often}, as of few faults: is it in thousands of years?")
+        *_frequent(faults),
+    ]
     if faults.faults:
         assert age is not None
         seen = observed if drawn else ()
         ages = back_to(age, history, seen)[:, 0]  # for which it stood as now
         found = found.merge(_of_faults(own, faults, ages))
-        for told in _open(own, faults, ages, found, static, work.origin):
-            work.log(f"exclusion: {told}")
+        not_known += _open(own, faults, ages, found, static, work.origin)
         found["fault_rejected"] = (found["fault_survival"] < minimum).astype(np.int8)
+    for told in not_known:
+        work.log(f"exclusion: {told}")
     known = rock.data.attrs
     page = {
         "exclusion": facts(found, minimum, own),
         "site": work.origin.name,
         "origin": {"source": known["shape_source"], "surrogate": known["surrogate"]},
         "files": [shown(path) for path in faults.files],
+        "not_known": not_known,
     }
     files = {
         FILE: netcdf(described(found, work, "Exclusion")),
@@ -160,6 +158,14 @@ def _nearest_standing(found: xr.Dataset, faults: Faults) -> tuple[Shaking, Array
     near, far = found["distance"].values[[0, -1]]
     magnitudes = np.repeat(found["magnitude"].values, least.shape[1])
     return _shaking(faults, magnitudes, np.clip(least.ravel(), near, far)), magnitudes
+
+
+def _frequent(faults: Faults) -> Iterator[str]:
+    """Faults with more earthquakes than few have, in words."""
+    for one in faults.faults:
+        if one.is_frequent:
+            often = f"M {one.magnitude:g} of {one.name} comes {one.rate_per_year:g} times a year"
+            yield f"{often}, as of few faults: is it in thousands of years?"
 
 
 def _untested_magnitudes(found: xr.Dataset, within: xr.Dataset, tested: float) -> Iterator[str]:
@@ -255,7 +261,9 @@ def _open(
 ) -> Iterator[str]:
     """What is not known of the shaking by some faults, or of what it topples, in words."""
     names = found["fault"].values.tolist()
-    yield from open_faults(rock, _of_all(faults), names, static, origin)
+    numbers = (ages.mean() * found["fault_rate"].values).tolist()
+    often = dict(zip(names, numbers, strict=True))
+    yield from open_faults(rock, _of_all(faults), often, static, origin)
     most = _of_faults(rock.within_tested(), faults, ages)
     each = (data["fault_survival"].values.tolist() for data in (found, most))
     for name, survival, without in zip(names, *each, strict=True):

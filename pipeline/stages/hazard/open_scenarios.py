@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.special import ndtr
@@ -17,16 +17,18 @@ from vsr_core.hazard.ratio import RatioTable
 from vsr_core.hazard.scenarios import Shaking, ratios_given
 
 LIKELY = 0.01
-"""Probability with which an earthquake exceeds a PGA of which it is asked."""
+"""How often, on average, a PGA is exceeded of which it is asked: by an earthquake, or by those of a
+fault within the age."""
 
 
 def open_faults(
-    rock: RockFragility, shaking: Shaking, names: Sequence[str], static: float, origin: Origin
+    rock: RockFragility, shaking: Shaking, often: Mapping[str, float], static: float, origin: Origin
 ) -> tuple[str, ...]:
     """Faults of whose shaking much is open, in words.
 
     Parameters
     ----------
+    often : dict, from names of faults to how many earthquakes came within the age, on average
     static : float [m/s^2], PGA below which no shaking topples the rock
 
     Raises
@@ -34,9 +36,9 @@ def open_faults(
     InputError
         If most of it is.
     """
-    found = _open(rock, shaking, static)
+    found = _open(rock, shaking, [*often.values()], static)
     told = []
-    for name, (share, given) in zip(names, found, strict=True):
+    for name, (share, given) in zip(often, found, strict=True):
         if share >= MOST_OFF:
             file, rule = origin.file_of("motion"), "runs are of the PGV/PGA of most of the shaking"
             said = f"{given} by {name}"
@@ -57,7 +59,7 @@ def open_magnitudes(
     magnitudes : ndarray, shape (n,), of each of them
     static : float [m/s^2], PGA below which no shaking topples the rock
     """
-    found = _open(rock, shaking, static)
+    found = _open(rock, shaking, [1.0] * len(magnitudes), static)
     open_ones = [at for at, (share, _) in enumerate(found) if share >= TOLD_OFF]
     if not open_ones:
         return ()
@@ -68,21 +70,23 @@ def open_magnitudes(
     return (f"least distances of {span} may be far off: {given}",)
 
 
-def _open(rock: RockFragility, shaking: Shaking, static: float) -> list[tuple[float, str]]:
+def _open(
+    rock: RockFragility, shaking: Shaking, often: Sequence[float], static: float
+) -> list[tuple[float, str]]:
     """Share of each earthquake's shaking that is open at some PGA, and that in words."""
     low, high = acceleration(np.array(rock.tested))
     tried = np.geomspace(low, high, 200)
     toppled = rock.mean(tried).max(axis=0) >= 0.5
     half = tried[toppled.argmax()] if toppled.any() else high
     found = []
-    for one in shaking.parted(1):
+    for one, number in zip(shaking.parted(1), often, strict=True):
         asked = np.concatenate([np.exp(one.pga), static * TO_TWICE, half * TO_TWICE])
-        likely = ndtr((one.pga - np.log(asked)) / one.pga_sd) >= LIKELY
+        exceeded = max(number, 1.0) * ndtr((one.pga - np.log(asked)) / one.pga_sd)
         medians, log_sds = ratios_given(one, asked)
         each = [
             open_share(rock, "the rock", RatioTable(asked[[at]], medians[0, [at]], log_sds), level)
             for at, level in enumerate(asked)
-            if likely[at] and level >= static
+            if exceeded[at] >= LIKELY and level >= static
         ]
         found.append(max(each, default=(0.0, "")))
     return found

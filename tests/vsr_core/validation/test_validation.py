@@ -297,14 +297,21 @@ def plain(**changes: object) -> priors.Member:
 
 
 @pytest.mark.parametrize(
-    "origin", [pytest.param((0.004, -0.003, 0.002), marks=pytest.mark.slow), (40.0, -25.0, 10.0)]
+    ("origin", "turned"),
+    [
+        pytest.param((0.004, -0.003, 0.002), 0.01, marks=pytest.mark.slow),
+        pytest.param((40.0, -25.0, 10.0), 0.01, marks=pytest.mark.slow),
+        ((-20.0, 30.0, 5.0), 2.5),
+    ],
 )
-def test_a_form_scanned_twice_is_known_as_such(origin: tuple[float, float, float]) -> None:
+def test_a_form_scanned_twice_is_known_as_such(
+    origin: tuple[float, float, float], turned: float
+) -> None:
     other, noise = rough().copy(), 0.001
     other.vertices = other.vertices + noise * np.random.default_rng(3).normal(
         size=(len(other.vertices), 3)
     )
-    other.apply_transform(trimesh.transformations.rotation_matrix(0.01, [0, 0, 1]))
+    other.apply_transform(trimesh.transformations.rotation_matrix(turned, [0, 0, 1]))
     other.apply_translation(origin)
     found = specimen.form(rough(), other)
     assert found.replica
