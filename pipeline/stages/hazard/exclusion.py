@@ -261,9 +261,8 @@ def _open(
 ) -> Iterator[str]:
     """What is not known of the shaking by some faults, or of what it topples, in words."""
     names = found["fault"].values.tolist()
-    numbers = (ages.mean() * found["fault_rate"].values).tolist()
-    often = dict(zip(names, numbers, strict=True))
-    yield from open_faults(rock, _of_all(faults), often, static, origin)
+    often = (ages.mean() * found["fault_rate"].values).tolist()
+    yield from open_faults(rock, _of_all(faults), names, often, static, origin)
     most = _of_faults(rock.within_tested(), faults, ages)
     each = (data["fault_survival"].values.tolist() for data in (found, most))
     for name, survival, without in zip(names, *each, strict=True):

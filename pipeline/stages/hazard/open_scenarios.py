@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.special import ndtr
@@ -22,13 +22,19 @@ fault within the age."""
 
 
 def open_faults(
-    rock: RockFragility, shaking: Shaking, often: Mapping[str, float], static: float, origin: Origin
+    rock: RockFragility,
+    shaking: Shaking,
+    names: Sequence[str],
+    often: Sequence[float],
+    static: float,
+    origin: Origin,
 ) -> tuple[str, ...]:
     """Faults of whose shaking much is open, in words.
 
     Parameters
     ----------
-    often : dict, from names of faults to how many earthquakes came within the age, on average
+    names : of faults, some of which may have several kinds of earthquakes
+    often : how many of these came within the age, on average
     static : float [m/s^2], PGA below which no shaking topples the rock
 
     Raises
@@ -36,9 +42,9 @@ def open_faults(
     InputError
         If most of it is.
     """
-    found = _open(rock, shaking, [*often.values()], static)
+    found = _open(rock, shaking, often, static)
     told = []
-    for name, (share, given) in zip(often, found, strict=True):
+    for name, (share, given) in zip(names, found, strict=True):
         if share >= MOST_OFF:
             file, rule = origin.file_of("motion"), "runs are of the PGV/PGA of most of the shaking"
             said = f"{given} by {name}"

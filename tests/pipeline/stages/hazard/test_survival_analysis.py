@@ -984,9 +984,9 @@ def test_faults_of_whose_pgv_pga_there_are_no_runs(median: float, static: float,
     shaking = Shaking(pga=pga, pgv=pga + np.log(median), **without)
     if told == "refused":
         with pytest.raises(InputError, match=r"a.yaml: motion: got runs of the rock at 3 PGV/PGA"):
-            open_faults(rock, shaking, {"A": 1.0}, static * GRAVITY, origin)
+            open_faults(rock, shaking, ["A"], [1.0], static * GRAVITY, origin)
         return
-    words = open_faults(rock, shaking, {"A": 1.0}, static * GRAVITY, origin)
+    words = open_faults(rock, shaking, ["A"], [1.0], static * GRAVITY, origin)
     assert len(words) == bool(told)
     assert all(f"off {told} of the shaking of 0.3 g" in one for one in words)
     words = open_magnitudes(rock, shaking, np.array([6.5]), static * GRAVITY)
@@ -999,6 +999,6 @@ def test_faults_of_many_weak_earthquakes_are_asked_of_their_tail() -> None:
     rock, origin = ensemble([0.5], 800), Origin(name="a", file="a.yaml", path=Path("a.yaml"))
     pga, sd = np.log([0.1 * GRAVITY]), np.array([0.32])
     shaking = Shaking(pga=pga, pga_sd=sd, pgv=pga, pgv_sd=np.array([0.1]), correlation=0.999)
-    assert open_faults(rock, shaking, {"A": 10.0}, 0.3 * GRAVITY, origin) == ()
+    assert open_faults(rock, shaking, ["A"], [10.0], 0.3 * GRAVITY, origin) == ()
     with pytest.raises(InputError, match=r"off 100% of the shaking of 0\.3 g"):
-        open_faults(rock, shaking, {"A": 1000.0}, 0.3 * GRAVITY, origin)
+        open_faults(rock, shaking, ["A"], [1000.0], 0.3 * GRAVITY, origin)
