@@ -264,8 +264,11 @@ def _open(
     often = (ages.mean() * found["fault_rate"].values).tolist()
     yield from open_faults(rock, _of_all(faults), names, often, static, origin)
     most = _of_faults(rock.within_tested(), faults, ages)
-    each = (data["fault_survival"].values.tolist() for data in (found, most))
-    for name, survival, without in zip(names, *each, strict=True):
+    each = (
+        [*data["fault_survival"].values.tolist(), data["survival_together"].item()]
+        for data in (found, most)
+    )
+    for name, survival, without in zip([*names, "all together"], *each, strict=True):
         of = f"the rock under {name}"
         yield from told_of_untested(survival, without, of, rock.tested[1], origin)
 

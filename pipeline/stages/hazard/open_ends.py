@@ -128,6 +128,15 @@ def of_scale(
             least = f"survival with it would be {stood:.2g}, if nothing more toppled there"
             given = f"no runs of {name} above {tested:.3g} g: {least}"
             told = (f"the factor on the mean curve, {factor:.3g}, may be too small: {given}",)
+    shaking = analysis.mean_shaking.times(factor)
+    if 0.0 < factor < 1.0 and isinstance(shaking, CurveShaking):
+        stands = float(analysis.survival(shaking.rates)[0])
+        fallen = float(analysis.survival(shaking.largest_rates)[0])
+        if fallen < TOLD * stands:
+            given = (
+                f"survival with it is {fallen:.2g} if all beyond the curves' ends topples a rock"
+            )
+            told += (f"the factor on the mean curve, {factor:.3g}, may be too large: {given}",)
     _, first = _first(analysis, of_pgv=of_pgv)
     chance, name = _toppled_by(analysis, first, min(factor, LARGEST_SCALE))
     if not factor > 1.0 or chance < WEAK:

@@ -240,6 +240,16 @@ def test_a_factor_that_hangs_on_what_was_not_tried() -> None:
         )
 
 
+@pytest.mark.parametrize(("last", "told"), [(0.4, 1), (1.2, 0)])
+def test_a_factor_of_curves_that_end_early(last: float, told: int) -> None:
+    """A rock that topples from 0.5 g on: times 0.5, all that does is beyond 0.4 g, not 1.2 g."""
+    rock = DatedRock("rock", ensemble([0.5], 800), np.array([1e3]))
+    curves = (Branch("a", "a", 1.0, ended(last, 1.0, 1e3)),)
+    _, words = of_scale(of_curves(HazardModel(curves, None), rock), 0.5, of_pgv=False)
+    assert len(words) == told
+    assert all("may be too large: survival with it is 0.37 if" in one for one in words)  # exp(-1)
+
+
 @pytest.mark.parametrize(("threshold", "refused"), [(0.5, False), (0.3, True)])
 def test_curves_of_pgv_that_begin_where_the_rock_topples(threshold: float, refused: bool) -> None:
     """Where PGA is 0.4 g; what is known of a rock that stands there needs no PGV/PGA below it."""
