@@ -76,7 +76,7 @@ class Note(BaseModel):
     model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
     stage: str
-    engine: str = ""
+    engine: str = Field(pattern=r"^[a-z]\w*$")
     runs: int = Field(ge=0, le=10**15)
     seconds: float = Field(ge=0, le=1e15)
     cpu_seconds: float = Field(ge=0, le=1e15)

@@ -66,9 +66,9 @@ MESHES: dict[str, tuple[bytes, str]] = {
     ),
     "binary of 2e9.ply": (
         PLY.format(form="binary_little_endian", vertices=HUGE, faces=12).encode() + bytes(100),
-        "cannot be read",
+        "a file of other faces",
     ),
-    "triangles of 4e9.stl": (bytes(80) + struct.pack("<I", 2 * HUGE) + bytes(500), "faces"),
+    "triangles of 4e9.stl": (bytes(80) + struct.pack("<I", 2 * HUGE) + bytes(500), "facets"),
     "glb of 4 GiB.glb": (b"glTF" + struct.pack("<III", 2, 2**32 - 1, 2**32 - 1), "cannot be read"),
     "noise.ply": (bytes(np.random.default_rng(1).bytes(5000)), "cannot be read"),
     "flat.obj": (obj(CORNERS * [1, 1, 0], FACES), "a flat mesh"),

@@ -80,7 +80,7 @@ def test_cut_products_are_noticed_and_made_again(
         assert contents(folder) == whole
 
 
-NOTE = {"runs": 12, "seconds": 0.5, "cpu_seconds": 0.25, "workers": 2}
+NOTE = {"engine": "bullet", "runs": 12, "seconds": 0.5, "cpu_seconds": 0.25, "workers": 2}
 LINE = json.dumps({"stage": "runs", **NOTE})
 ODD = (None, [1], "12", -2, math.nan, 10**309)
 
