@@ -74,7 +74,7 @@ def test_one_that_was_packed_again_with_its_folders_is_whole(
             packed.writestr(name, archive.read(name), zipfile.ZIP_DEFLATED)
     ran = vsr("check", again)
     assert (ran.code, ran.err) == (cli.DONE, "")
-    assert vsr("compare", bundle, again).code == cli.DONE
+    assert vsr("compare", bundle, again, "--to", tmp_path / "compared.html").code == cli.DONE
 
 
 @pytest.mark.slow
