@@ -122,15 +122,15 @@ def of_scale(
     """
     name, tested = _least_tested(analysis)
     told: tuple[str, ...] = ()
-    if 0.0 < factor < np.inf:
+    stands = analysis.survival_scaled(factor) if 0.0 < factor < np.inf else np.nan
+    if not np.isnan(stands):
         stood = analysis.within_tested().survival_scaled(factor)
-        if stood > _TWICE * analysis.survival_scaled(factor):
+        if stood > _TWICE * stands:
             least = f"survival with it would be {stood:.2g}, if nothing more toppled there"
             given = f"no runs of {name} above {tested:.3g} g: {least}"
             told = (f"the factor on the mean curve, {factor:.3g}, may be too small: {given}",)
     shaking = analysis.mean_shaking.times(factor)
     if 0.0 < factor < 1.0 and isinstance(shaking, CurveShaking):
-        stands = float(analysis.survival(shaking.rates)[0])
         fallen = float(analysis.survival(shaking.largest_rates)[0])
         if fallen < TOLD * stands:
             given = (
@@ -193,9 +193,7 @@ def _asked(one: RockFragility, once: float, last: float) -> Array:
 
 
 def open_share(one: RockFragility, name: str, table: RatioTable, level: float) -> tuple[float, str]:
-    """Share of the shaking of a PGA [m/s^2] of which it is open whether it topples a rock.
-
-    Also in words.
+    """Share of the shaking of a PGA [m/s^2] of which it is open whether it topples; and in words.
 
     What no run is near to is shorter than the first of them and topples it less often, or is
     longer than the last and topples it more often, or between two of them in both.

@@ -46,13 +46,13 @@ class DatedRock:
 
     def every_second(self, first: int) -> DatedRock:
         """The same by every second PGV/PGA of the runs, from the first or second (0 or 1) on."""
-        return self._with_each(lambda one: one.every_second(first))
+        return self._in_each_stage(lambda one: one.every_second(first))
 
     def within_tested(self) -> DatedRock:
         """The same, as if nothing more toppled beyond the largest PGA that was tried."""
-        return self._with_each(RockFragility.within_tested)
+        return self._in_each_stage(RockFragility.within_tested)
 
-    def _with_each(self, of: Callable[[RockFragility], RockFragility]) -> DatedRock:
+    def _in_each_stage(self, of: Callable[[RockFragility], RockFragility]) -> DatedRock:
         earlier = tuple((of(one), until) for one, until in self.earlier)
         return replace(self, fragility=of(self.fragility), earlier=earlier)
 

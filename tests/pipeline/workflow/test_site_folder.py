@@ -170,6 +170,18 @@ def test_a_variant_has_products_of_its_own_and_shares_the_runs(
     assert vsr(*command, "--name", "../elsewhere").code == 2
 
 
+def test_plan_takes_the_time_of_runs_in_the_same_engine(
+    vsr: Vsr, write_site: Callable[..., str]
+) -> None:
+    command = ("responses", "--site", write_site(SMALL))
+    more = ("--set", "yaw=[0, 45, 90]")
+    assert "(typical)" in vsr("plan", *command).out
+    assert vsr("run", *command, "--workers", "0").code == 0
+    assert "(as measured here)" in vsr("plan", *command, *more).out
+    other = ("--set", "simulation.engine=bullet")
+    assert "(typical)" in vsr("plan", *command, *more, *other).out
+
+
 @pytest.mark.slow
 def test_plan_knows_the_stored_runs_and_the_step_of_a_study_that_was_not_the_last(
     vsr: Vsr, write_site: Callable[..., str]
