@@ -28,7 +28,7 @@ from pipeline import ROOT, cli, commands
 from pipeline.config.layers import load_site
 from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, answered
 from pipeline.stages.hazard import hazard as stage
-from pipeline.stages.hazard import other_rocks
+from pipeline.stages.hazard import hazard_page, other_rocks
 from pipeline.stages.hazard.hazard_figures import shaking
 from pipeline.stages.hazard.one_rock import alike_in_shape
 from pipeline.stages.hazard.rock_ages import back_to
@@ -314,7 +314,7 @@ def test_a_single_branch_is_compared_with_no_others(
         labels.extend(part.get_text() for legend in figure.legends for part in legend.get_texts())
         return "data:,"
 
-    monkeypatch.setattr(stage, "svg_uri", looked_at)
+    monkeypatch.setattr(hazard_page, "svg_uri", looked_at)
     for path in CURVES.glob("hazard_curve-mean-*.csv"):
         shutil.copy(path, tmp_path)
     command = ["run", "hazard", "--site", str(made.parents[1] / "rock.yaml"), "--workers", "0"]

@@ -22,18 +22,18 @@ from vsr_core.hazard.shaking import REACH, CurveShaking, EventShaking
 from vsr_core.hazard.survival import LARGEST_SCALE
 from vsr_core.hazard.toppling import averaged
 
-TOLD, LEAST = 0.95, 0.5
-"""Shares of the survival, over the branches retained, that are left if all shaking beyond the last
-levels topples the rocks: below the first it is told, below the second the curves are refused."""
+LOST = 0.05, 0.5
+"""Shares of the survival, over the branches retained, from which on it is told that they are lost
+if all shaking beyond the last levels topples the rocks, and that is refused."""
 
-WEAK, STRONG = 0.01, 0.2
-"""Probabilities of toppling at the least PGA from which on weaker shaking, which is left out, is
-told, and the curves, or events, are refused: with 0.03 survival was 1.13 times as large as with all
-shaking, with 0.30 1.7 times, with 0.37 3.3 times; with 0.23 the rate of toppling was half."""
+WEAK = 0.01, 0.2
+"""The same of probabilities of toppling at the least PGA, as weaker shaking is left out: with 0.03
+survival was 1.13 times as large as with all shaking, with 0.30 1.7 times, with 0.37 3.3 times; with
+0.23 the rate of toppling was half."""
 
-TOLD_OFF, MOST_OFF = 0.1, 0.6
-"""Shares of shaking that is open, as no run is near to its PGV/PGA, from which on it is told, and
-refused: with 0.34 survival was 0.007, not 0.052, with 0.36 it was 0.32, with 0.72 it was 1."""
+OFF = 0.1, 0.6
+"""The same of shaking that is open, as no run is near to its PGV/PGA: with 0.34 survival was 0.007,
+not 0.052, with 0.36 it was 0.32, with 0.72 it was 1."""
 
 TO_TWICE = np.array([1.0, 1.4, 2.0])
 """Factors on a PGA of which that share is asked; the largest share counts."""
@@ -64,6 +64,19 @@ def open_ends(
     )
 
 
+def told(share: float, limits: tuple[float, float], line: str, refusal: Problem) -> tuple[str, ...]:
+    """A line on what is not known, where the share that rests on it reaches the first limit.
+
+    Raises
+    ------
+    InputError
+        Where it reaches the second.
+    """
+    if share >= limits[1]:
+        raise InputError(refusal)
+    return (line,) if share >= limits[0] else ()
+
+
 def begun_late(
     analysis: SurvivalAnalysis, origin: Origin, *, of_pgv: bool = False
 ) -> tuple[str, ...]:
@@ -72,21 +85,21 @@ def begun_late(
     Raises
     ------
     InputError
-        If `STRONG` of the weakest topples a rock, as it stands or in an earlier stage.
+        If much of the weakest topples a rock, as it stands or in an earlier stage.
     """
     late, first = _first(analysis, of_pgv=of_pgv)
     chance, name = _toppled_by(analysis, first)
-    if chance < WEAK:
-        return ()
     of_what = "earthquakes" if isinstance(analysis.shaking, EventShaking) else "curves"
     what = "PGV begins where PGA is" if late else "PGA begins at"
     given = f"{of_what} whose {what} {in_g(first):.3g} g, of which {chance:.0%} topples {name}"
     weaker = f"weaker shaking, {'whose PGV/PGA is not known' if late else 'which is left out'},"
-    if chance >= STRONG:
-        key = "hazard.events" if of_what == "earthquakes" else "hazard.curves"
-        remedy = f"give the {of_what} from smaller {what[:3]} on"
-        raise _refused(origin, key, given, f"{weaker} seldom topples a rock", remedy)
-    return (f"{given}: {weaker} may topple it, too",)
+    key = "hazard.events" if of_what == "earthquakes" else "hazard.curves"
+    rule, remedy = (
+        f"{weaker} seldom topples a rock",
+        f"give the {of_what} from smaller {what[:3]} on",
+    )
+    line = f"{given}: {weaker} may topple it, too"
+    return told(chance, WEAK, line, Problem(origin.file_of(key), key, given, rule, remedy))
 
 
 def _first(analysis: SurvivalAnalysis, *, of_pgv: bool) -> tuple[bool, float]:
@@ -117,36 +130,36 @@ def of_scale(
 
     Returns
     -------
-    float, NaN where `STRONG` of the shaking of the first level then topples a rock
+    float, NaN where much of the shaking of the first level then topples a rock
     tuple of str
     """
-    name, tested = _least_tested(analysis)
-    told: tuple[str, ...] = ()
-    stands = analysis.survival_scaled(factor) if 0.0 < factor < np.inf else np.nan
-    if not np.isnan(stands):
-        stood = analysis.within_tested().survival_scaled(factor)
-        if stood > _TWICE * stands:
-            least = f"survival with it would be {stood:.2g}, if nothing more toppled there"
-            given = f"no runs of {name} above {tested:.3g} g: {least}"
-            told = (f"the factor on the mean curve, {factor:.3g}, may be too small: {given}",)
-    shaking = analysis.mean_shaking.times(factor)
-    if 0.0 < factor < 1.0 and isinstance(shaking, CurveShaking):
-        fallen = float(analysis.survival(shaking.largest_rates)[0])
-        if fallen < TOLD * stands:
-            given = (
-                f"survival with it is {fallen:.2g} if all beyond the curves' ends topples a rock"
-            )
-            told += (f"the factor on the mean curve, {factor:.3g}, may be too large: {given}",)
+    said = tuple(_off_with(analysis, factor)) if 0.0 < factor < np.inf else ()
     _, first = _first(analysis, of_pgv=of_pgv)
     chance, name = _toppled_by(analysis, first, min(factor, LARGEST_SCALE))
-    if not factor > 1.0 or chance < WEAK:
-        return factor, told
-    is_known = chance < STRONG
-    said = f"the factor on the mean curve{f', {factor:.3g},' if is_known else ''} "
-    said += "may be too large" if is_known else "is not known"
-    why = f"with it {chance:.0%} of the shaking of their first level, {in_g(first):.3g} g, topples"
-    late = f"{said}: {why} {name}, and weaker shaking is left out"
-    return factor if is_known else np.nan, (*told, late)
+    if not factor > 1.0 or chance < WEAK[0]:
+        return factor, said
+    is_known = chance < WEAK[1]
+    late = f"the factor on the mean curve{f', {factor:.3g},' if is_known else ''} "
+    late += "may be too large" if is_known else "is not known"
+    late += f": with it {chance:.0%} of the shaking of their first level, {in_g(first):.3g} g, "
+    late += f"topples {name}, and weaker shaking is left out"
+    return factor if is_known else np.nan, (*said, late)
+
+
+def _off_with(analysis: SurvivalAnalysis, factor: float) -> Iterator[str]:
+    """That a factor may be off, as stronger shaking than was tried, or is given, matters to it."""
+    what, stands = f"the factor on the mean curve, {factor:.3g},", analysis.survival_scaled(factor)
+    name, tested = _least_tested(analysis)
+    stood = analysis.within_tested().survival_scaled(factor)
+    if stood > _TWICE * stands:
+        least = f"survival with it would be {stood:.2g}, if nothing more toppled there"
+        yield f"{what} may be too small: no runs of {name} above {tested:.3g} g: {least}"
+    shaking = analysis.mean_shaking.times(factor)
+    if factor < 1.0 and isinstance(shaking, CurveShaking):
+        fallen = float(analysis.survival(shaking.largest_rates)[0])
+        if _lost(fallen, stands) >= LOST[0]:
+            ends = "all beyond the curves' ends topples a rock"
+            yield f"{what} may be too large: survival with it is {fallen:.2g} if {ends}"
 
 
 _TWICE = 2.0
@@ -159,7 +172,7 @@ def off_runs(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        If it is `MOST_OFF` of the shaking of some PGA.
+        If it is most of the shaking of some PGA.
     """
     shaking = analysis.shaking
     each = (
@@ -169,12 +182,14 @@ def off_runs(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
         for level in _asked(stage, _exceeded_once(analysis.before, rock.ages), shaking.levels[-1])
     )
     share, given = max(each, key=itemgetter(0))
-    if share < TOLD_OFF:
-        return ()
-    if share >= MOST_OFF:
-        rule = "runs are of the PGV/PGA of most of the shaking"
-        raise _refused(origin, "motion", given, rule, "set more of them")
-    return (f"{given}: it counts as of the nearest of them, and survival may be far off",)
+    line = f"{given}: it counts as of the nearest of them, and survival may be far off"
+    return told(share, OFF, line, off_all_runs(origin, given))
+
+
+def off_all_runs(origin: Origin, given: str) -> Problem:
+    """The refusal of runs none of which is near to most of the shaking."""
+    rule = "runs are of the PGV/PGA of most of the shaking"
+    return Problem(origin.file_of("motion"), "motion", given, rule, "set more of them")
 
 
 def _exceeded_once(curve: HazardCurve, ages: Array) -> float:
@@ -218,7 +233,7 @@ def left_open(
     Raises
     ------
     InputError
-        If less than `LEAST` of it may be left.
+        If much of it may be.
     """
     if not isinstance(analysis.shaking, CurveShaking):
         return ()
@@ -229,9 +244,7 @@ def left_open(
         standing = analysis.survival(shaking.rates)
     fallen = analysis.survival(shaking.largest_rates)
     weights = np.where(results.rejected, 0.0, analysis.weights)
-    most, least = weights @ standing, weights @ fallen
-    if least >= TOLD * most:
-        return ()
+    most, least = float(weights @ standing), float(weights @ fallen)
     worst = int(np.argmax(weights * (standing - fallen)))
     curve, whole = shaking.curves[worst], analysis.curves[worst]
     branch = analysis.model.branches[worst]
@@ -243,11 +256,15 @@ def left_open(
         f"which has {number:.2g} exceedances within the age of {rock.name}, on average: survival "
         f"is {fallen[worst]:.2g} if all of them topple a rock, {standing[worst]:.2g} if none does"
     )
-    if least < LEAST * most:
-        rule = "what is beyond the last level may not halve the survival"
-        remedy = "give the curve to levels that are exceeded more rarely"
-        raise _refused(origin, "hazard.curves", given, rule, remedy)
-    return (given,)
+    key, rule = "hazard.curves", "what is beyond the last level may not halve the survival"
+    remedy = "give the curve to levels that are exceeded more rarely"
+    refusal = Problem(origin.file_of(key), key, given, rule, remedy)
+    return told(_lost(least, most), LOST, given, refusal)
+
+
+def _lost(least: float, most: float) -> float:
+    """Share of the larger survival that the smaller one lacks."""
+    return 1.0 - least / most if most > 0.0 else 0.0
 
 
 def untested(analysis: SurvivalAnalysis, results: BranchResults, origin: Origin) -> tuple[str, ...]:
@@ -258,7 +275,7 @@ def untested(analysis: SurvivalAnalysis, results: BranchResults, origin: Origin)
     Raises
     ------
     InputError
-        If less than `LEAST` of it is left with that.
+        If much of it is lost with that.
     """
     most = float(analysis.weights @ analysis.within_tested().survival(analysis.shaking.rates))
     least = float(analysis.weights @ results.survival)
@@ -275,14 +292,11 @@ def told_of_untested(
     least: float, most: float, name: str, tested: float, origin: Origin
 ) -> tuple[str, ...]:
     """The same of a survival with and without what topples beyond a PGA [g] that was tried."""
-    if least >= TOLD * most:
-        return ()
     given = f"no runs of {name} above {tested:.3g} g: survival is {least:.2g} with what its fits "
     given += f"take to topple there, and {most:.2g} without"
-    if least < LEAST * most:
-        rule = "what was not tried may not halve the survival"
-        raise _refused(origin, "fragility.highest", given, rule, "raise it, and motion.pga")
-    return (given,)
+    key, rule = "fragility.highest", "what was not tried may not halve the survival"
+    refusal = Problem(origin.file_of(key), key, given, rule, "raise it, and motion.pga")
+    return told(_lost(least, most), LOST, given, refusal)
 
 
 def open_cases(found: Iterable[Case], compared: Container[str], origin: Origin) -> Iterator[str]:
@@ -295,14 +309,10 @@ def open_cases(found: Iterable[Case], compared: Container[str], origin: Origin) 
     for case in found:
         if case.name in compared:
             try:
-                told = (
+                doubts = (
                     *off_runs(case.analysis, origin),
                     *untested(case.analysis, case.results, origin),
                 )
             except InputError as error:
-                told = tuple(one.given for one in error.problems)
-            yield from (f"{case.name}: {one}" for one in told)
-
-
-def _refused(origin: Origin, key: str, given: str, rule: str, remedy: str) -> InputError:
-    return InputError(Problem(origin.file_of(key), key, given, rule, remedy))
+                doubts = tuple(one.given for one in error.problems)
+            yield from (f"{case.name}: {one}" for one in doubts)

@@ -9,8 +9,7 @@ from scipy.special import ndtr
 
 from pipeline.config.in_si import acceleration
 from pipeline.config.layers import Origin
-from pipeline.config.problems import InputError, Problem
-from pipeline.stages.hazard.open_ends import MOST_OFF, TO_TWICE, TOLD_OFF, open_share
+from pipeline.stages.hazard.open_ends import OFF, TO_TWICE, off_all_runs, open_share, told
 from pipeline.stages.hazard.rock_fragility import RockFragility
 from vsr_core.arrays import Array
 from vsr_core.hazard.ratio import RatioTable
@@ -42,16 +41,12 @@ def open_faults(
     InputError
         If most of it is.
     """
-    found = _open(rock, shaking, often, static)
-    told = []
-    for name, (share, given) in zip(names, found, strict=True):
-        if share >= MOST_OFF:
-            file, rule = origin.file_of("motion"), "runs are of the PGV/PGA of most of the shaking"
-            said = f"{given} by {name}"
-            raise InputError(Problem(file, "motion", said, rule, "set more of them"))
-        if share >= TOLD_OFF:
-            told.append(f"{given} by {name}: it counts as of the nearest of them")
-    return tuple(told)
+    found: list[str] = []
+    for name, (share, given) in zip(names, _open(rock, shaking, often, static), strict=True):
+        said = f"{given} by {name}"
+        line = f"{said}: it counts as of the nearest of them"
+        found += told(share, OFF, line, off_all_runs(origin, said))
+    return tuple(found)
 
 
 def open_magnitudes(
@@ -66,7 +61,7 @@ def open_magnitudes(
     static : float [m/s^2], PGA below which no shaking topples the rock
     """
     found = _open(rock, shaking, [1.0] * len(magnitudes), static)
-    open_ones = [at for at, (share, _) in enumerate(found) if share >= TOLD_OFF]
+    open_ones = [at for at, (share, _) in enumerate(found) if share >= OFF[0]]
     if not open_ones:
         return ()
     worst = max(open_ones, key=lambda at: found[at][0])

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from pipeline.config.hazard_schema import Age, Comparison, HazardConfig, HazardRock, History
 from pipeline.config.layers import Origin, Site, load_site, one_by_one
@@ -25,6 +26,7 @@ from pipeline.stages.hazard.rock_ages import back_to, check_earthquakes, check_s
 from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility
 from pipeline.stages.hazard.sensitivity import BASE_CASE
 from pipeline.stages.hazard.survival_analysis import DatedRock
+from pipeline.stages.mesh.products import RockData
 from pipeline.workflow import keys
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Input
@@ -72,6 +74,11 @@ class Others(Input):
                 ends = [stage.model_dump(mode="json") for stage in one.history]
                 found[f"stages of {one.name}"] = keys.digest(ends)
         return found
+
+    def shapes(self, own: Path) -> dict[str, xr.Dataset]:
+        """What ``rock.nc`` holds of the rocks at the place, beside a site's ``own`` products."""
+        rocks = (one for one in self.rocks if isinstance(one, Other))
+        return {one.name: RockData(one.folder(own)).data for one in rocks}
 
     @property
     def made(self) -> tuple[Other, ...]:

@@ -25,9 +25,9 @@ from pipeline.config.layers import Origin
 from pipeline.config.observation_schema import Earthquake
 from pipeline.config.problems import InputError
 from pipeline.stages.fragility.summary import SEARCHED
-from pipeline.stages.hazard.hazard import sentence
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
+from pipeline.stages.hazard.hazard_page import sentence
 from pipeline.stages.hazard.open_ends import (
     begun_late,
     left_open,
