@@ -118,7 +118,7 @@ def _pairs(request: str, shaking: Shaking) -> dict[str, str]:
 
 
 def neighbour(overturned: Array, pga: Sequence[float], first: Choice) -> Choice:
-    """The nearest cell with the other outcome: at its PGV/PGA, else among all of its yaw.
+    """The cell with the other outcome, of the nearest PGA in its row, else the nearest of its yaw.
 
     Parameters
     ----------
@@ -130,9 +130,10 @@ def neighbour(overturned: Array, pga: Sequence[float], first: Choice) -> Choice:
     if side < 0 or not len(rows):
         rule = "a neighbour has the other outcome, and at this yaw and friction no run has"
         raise InputError(Problem("--and", "", NEIGHBOUR, rule, "name the second run, e.g. yaw=30"))
-    away = np.hypot(rows - first.cell.row, columns - column)
-    away += np.where(rows == first.cell.row, 0.0, overturned.size)
-    nearest = int(np.argmin(away))
+    is_own = rows == first.cell.row
+    stronger = np.round(np.abs(np.array(pga)[columns] - first.cell.pga), 9)  # of two the weaker
+    cells = np.hypot(rows - first.cell.row, columns - column)
+    nearest = int(np.lexsort((np.where(is_own, stronger, cells), ~is_own))[0])
     return Choice(first.group, Cell(int(rows[nearest]), pga[columns[nearest]]), first.engine)
 
 

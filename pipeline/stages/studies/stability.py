@@ -16,6 +16,8 @@ from matplotlib.patches import Patch, Rectangle
 from pipeline.config.sections import Key
 from pipeline.drawing.style import INK, SERIES, cell_edges, pictures, styled, svg_uri
 from pipeline.workflow import pages, writers
+from pipeline.workflow.grammar import counted
+from pipeline.workflow.progress import Steps
 from pipeline.workflow.stage import Product, Work
 from pipeline.workflow.workers import Batch
 from vsr_core.arrays import Array
@@ -53,7 +55,6 @@ def make(work: Work, raw_scans: Annotated[bool, Key("stability.raw_scans")]) -> 
     """
     every = stability.cases()
     cases = {name: one for name, one in every.items() if raw_scans or one.family != _ON_REQUEST}
-    work.log(f"stability: {len(cases)} cases")
     table = _table(cases, _findings(work, cases))
     points = pd.DataFrame.from_dict(POINTS, "index", columns=["time_step", "stiffness"])
     points = points.join(table.set_index("case")["verdict"], how="inner")
@@ -78,8 +79,12 @@ def run_cases(shared: None, names: tuple[str, ...]) -> list[Finding]:
 
 def _findings(work: Work, cases: dict[str, ExtremeCase]) -> dict[str, Finding]:
     order = sorted(cases, key=lambda name: cases[name].family not in _HEAVY)
-    done = work.cluster.each(run_cases, _batches(order, cases), lambda nothing: nothing)
-    return {name: finding or _DIED for _, name, finding in done}
+    batches = _batches(order, cases)
+    work.log(f"stability: {(told := counted(len(cases), 'case'))}")
+    with Steps("stability", work.log) as steps:
+        steps.tell(told)
+        done = work.cluster.each(run_cases, batches, lambda nothing: nothing)
+        return {name: finding or _DIED for _, name, finding in done}
 
 
 def _batches(order: list[str], cases: dict[str, ExtremeCase]) -> Iterator[Batch]:

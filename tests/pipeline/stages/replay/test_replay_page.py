@@ -194,6 +194,15 @@ def test_without_one_in_its_row_the_neighbour_is_of_the_nearest_row(study: Study
     assert neighbour(overturned, pga, first).cell == Cell(first.cell.row, pga[-1])
 
 
+def test_the_neighbour_is_near_in_pga_where_levels_are_not_as_far_apart(study: Study) -> None:
+    """Beside 0.6 g, 0.8 g is two cells away and 0.1 g one."""
+    first = chosen(config_of(study), study.motions, CELL | {"pga": "0.6"})
+    pga = (0.1, 0.6, 0.7, 0.8)
+    overturned = np.zeros((len(study.motions.rows), len(pga)), dtype=int)
+    overturned[first.cell.row, [0, 3]] = 1
+    assert neighbour(overturned, pga, first).cell == Cell(first.cell.row, 0.8)
+
+
 # ---- The run of the study
 
 
