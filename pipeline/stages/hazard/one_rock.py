@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -78,7 +78,13 @@ class Other:
         if manifest is None or manifest["key"] != self.key:
             given = f"{self.stage} of other files or settings than {self.site.name} has by now"
             raise edited_since(str(folder), given)
-        return of_members(EnsembleData(folder).data) if self.uncertain else of_fits(Fits(folder))
+        if not self.uncertain:
+            return of_fits(Fits(folder))
+        try:
+            return of_members(EnsembleData(folder).data)
+        except InputError as error:
+            files = (replace(one, file=str(folder / one.file)) for one in error.problems)
+            raise InputError(*files) from None
 
 
 @dataclass(frozen=True)

@@ -130,7 +130,7 @@ def of_fits(fits: Fits) -> RockFragility:
         raise _without_fragility(str(fits.folder / fits.FILE), "report")
     below = data["theta"].values[known] < _searched(data)[0]
     if (share := float(below.mean())) > MOST_BELOW:
-        raise _too_low("fragility.nc", "fits", share, _searched(data)[0])
+        raise _too_low(str(fits.folder / fits.FILE), "fits", share, _searched(data)[0])
     theta = in_si.acceleration(data["theta"].values)
     ends = in_si.acceleration(data["theta_interval"].values)
     beta = data["beta"].values

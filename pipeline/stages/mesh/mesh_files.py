@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -35,8 +37,6 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     -------
     trimesh.Trimesh [m]
     """
-    import trimesh
-
     check_regular(path, LARGEST_FILE)
     kind = path.suffix[1:].lower()
     try:
@@ -50,13 +50,24 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
         ) from None
     _require_faces_of_vertices(mesh)
     _require_fine_steps(mesh)
-    of_file = trimesh.units.unit_conversion(mesh.units or "meters", "meters")
+    of_file = _unit(mesh.units or "meters")
     if of_file != 1.0 and abs(scale / of_file - 1.0) > _SAME_UNIT:
         beside = "" if scale == 1.0 else f", and rock.scale: {scale:g}"
         remedy = f"export it in metres, or say rock.scale: {of_file:.10g} of a rock"
         given = f"a unit of {of_file:.10g} m in the file{beside}"
         raise InvalidInput(given, "it is the metre" if scale == 1.0 else "they agree", remedy)
     return mesh.apply_scale(scale)
+
+
+def _unit(name: Any) -> float:
+    """Length [m] of the unit that a file states."""
+    from trimesh.units import unit_conversion
+
+    with suppress(AttributeError, ValueError):
+        if 0.0 < (length := unit_conversion(name, "meters")) < math.inf:
+            return float(length)
+    given = f"a unit of {str(name)[:40]!r} in the file"
+    raise InvalidInput(given, "it is one of length", "export it in metres")
 
 
 def _loaded(file: BinaryIO, kind: str) -> trimesh.Trimesh:

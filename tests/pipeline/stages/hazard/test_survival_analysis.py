@@ -489,8 +489,11 @@ def test_a_row_that_no_run_topples_may_stand_for_ever() -> None:
         dict(zip(SEARCHED, (0.02, 1.0), strict=True)),
     )
     found = of_fits(SimpleNamespace(data=data))
-    with pytest.raises(InputError, match=r"33% of the boundaries of its fits below 0\.05 g"):
-        of_fits(SimpleNamespace(data=data.assign_attrs({SEARCHED[0]: 0.05})))
+    other, folder = data.assign_attrs({SEARCHED[0]: 0.05}), Path("compared/other")
+    with pytest.raises(
+        InputError, match=r"^compared/other/.*33% of the boundaries of its fits below"
+    ):
+        of_fits(SimpleNamespace(data=other, folder=folder, FILE="fragility.nc"))
     low, high = (one(GRAVITY * np.array([1e-6, 0.5, 1e6])) for one in found.others)
     assert (high[0] == 0.0).all()
     assert (low[2] == 1.0).all()

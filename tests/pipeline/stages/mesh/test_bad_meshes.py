@@ -542,6 +542,18 @@ def test_morph_targets_without_weight_are_read(tmp_path: Path) -> None:
     assert found.volume == pytest.approx(ball().volume, rel=1e-6)
 
 
+@pytest.mark.parametrize("unit", ["metre", 5, "0 * m", "nan * m", ["m"]])
+def test_a_unit_in_gltf_that_is_none_of_length_is_refused(
+    tmp_path: Path, refused: Refused, unit: object
+) -> None:
+    def stated(scene: dict[str, Any]) -> dict[str, Any]:
+        return scene | {"meshes": [one | {"extras": {"units": unit}} for one in scene["meshes"]]}
+
+    glb(tmp_path / "rock.glb", stated)
+    where = site(tmp_path, "rock.glb")
+    refused("run", "rock", "--site", where, words=("rock.mesh", "a unit of", "one of length"))
+
+
 SKEWED = [1.0, 0.3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 
 
