@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import Ran
 from support import histories
-from test_hazard_product import CURVES, levels_and_rates
+from support.hazard_site import CURVES, levels_and_rates
 
 from pipeline.workflow.datasets import read
 
