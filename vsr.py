@@ -276,3 +276,9 @@ def hazard(
         found = {key: path and Path(_path(key, path)).resolve() for key, path in given.items()}
         layers += (found,)
     return run("hazard", site, *layers, **options)
+
+
+if __name__ == "__main__":
+    from pipeline.__main__ import program
+
+    raise SystemExit(program())

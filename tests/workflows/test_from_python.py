@@ -364,3 +364,12 @@ def test_a_dataset_whose_folder_holds_another_result_shows_nothing(change: str) 
             vsr.InputError, match=r"rock/responses\.nc: got (ano|no such)[^\n]*name="
         ):
             show()
+
+
+def test_the_module_started_as_a_program_is_the_command() -> None:
+    said = [
+        subprocess.run([sys.executable, "-m", name, "run", "hazrd"], cwd=ROOT, capture_output=True)
+        for name in ("vsr", "pipeline")
+    ]
+    assert [one.returncode for one in said] == [2, 2]
+    assert said[0].stderr == said[1].stderr
