@@ -179,7 +179,7 @@ def off_runs(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
         open_share(stage, rock.name, shaking.table, level)
         for rock in analysis.rocks
         for stage in rock.stages
-        for level in _asked(stage, _exceeded_once(analysis.before, rock.ages), shaking.levels[-1])
+        for level in _asked(stage, _exceeded_once(analysis.before, rock.ages), shaking.levels)
     )
     share, given = max(each, key=itemgetter(0))
     line = f"{given}: it counts as of the nearest of them, and survival may be far off"
@@ -197,14 +197,16 @@ def _exceeded_once(curve: HazardCurve, ages: Array) -> float:
     return curve.level_at(float(np.clip(1.0 / ages.mean(), *curve.rates[[-1, 0]])))
 
 
-def _asked(one: RockFragility, once: float, last: float) -> Array:
-    """PGA [m/s^2] at which shorter or longer shaking may matter, from some to the last.
+def _asked(one: RockFragility, once: float, known: Array) -> Array:
+    """PGA [m/s^2] at which shorter or longer shaking may matter, of those that are known.
 
-    That, and from the least that topples half of a rock in some run to twice as much.
+    What is exceeded once, and from the least that topples half of a rock in some run to twice as
+    much.
     """
-    levels = np.geomspace(once, max(once, acceleration(one.tested[1])), 200)
-    half = levels[(one.mean(levels).max(axis=0) >= 0.5).argmax()]
-    return np.minimum(np.append(once, half * TO_TWICE), last)
+    low, high = acceleration(np.array(one.tested))
+    levels = np.geomspace(low, max(once, high), 200)
+    half = levels[one.mean(levels).max(axis=0) >= 0.5][:1]
+    return np.clip(np.append(once, np.outer(half, TO_TWICE)), known[0], known[-1])
 
 
 def open_share(one: RockFragility, name: str, table: RatioTable, level: float) -> tuple[float, str]:

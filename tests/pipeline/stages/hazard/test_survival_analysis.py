@@ -312,6 +312,23 @@ def test_longer_shaking_is_asked_where_the_runs_stand() -> None:
     assert "off 50% of the shaking of 0.316 g" in told
 
 
+@pytest.mark.parametrize("years", [1e3, 1e4])  # in which 0.316 g, and 1 g, is exceeded once
+def test_shaking_is_asked_where_runs_begin_to_topple_however_often_it_came(years: float) -> None:
+    """0.2 s topples from 0.3 g on, 0.04 s from 0.7 g on; 73 % of the shaking is between them."""
+    origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
+    rock = DatedRock("rock", rows_from([0.04, 0.2], [0.7, 0.3]), np.array([years]))
+    with pytest.raises(InputError, match=r"off 73% of the shaking of 0\.(316|302|423|604) g"):
+        off_runs(of_curves(model(1e-4), rock), origin)
+
+
+def test_a_rock_that_no_run_topples_is_asked_at_its_age_alone() -> None:
+    origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
+    rock = DatedRock("rock", rows_from([0.05, 0.1, 0.2, 0.4], [99.0] * 4), np.array([1e3]))
+    table = RatioTable(GRAVITY * np.array([0.1, 0.3]), np.array([5.0, 0.1]), np.full(2, 0.4))
+    analysis = of_curves(model(1e-4), rock)
+    assert off_runs(replace(analysis, shaking=replace(analysis.shaking, table=table)), origin) == ()
+
+
 def rows_from(ratios: Sequence[float], thresholds: Sequence[float]) -> RockFragility:
     """Rows of PGV/PGA [s] that topple from a PGA on [g]."""
     falls = GRAVITY * np.array(thresholds)[:, None]
