@@ -20,7 +20,9 @@ own 700 make it search all that is loaded again and again, a sixth of a command 
 def program() -> int:
     """The process of one command; returns its exit code."""
     gc.set_threshold(COLLECTED_AFTER, 20, 20)
-    signal.signal(signal.SIGTERM, _stop)
+    for stops in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(stops) is signal.SIG_DFL:  # nohup has it ignored
+            signal.signal(stops, _stop)
     sys.unraisablehook = _stop_again
     os.environ["MPLBACKEND"] = "agg"  # pictures go to files, whatever screen there is
     os.environ.pop("SOURCE_DATE_EPOCH", None)  # no file has a date, and of no number libraries fail

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import re
+import shlex
 import time
 import zipfile
 from collections.abc import Iterator
@@ -262,6 +263,7 @@ def _versions() -> dict[str, str]:
 def _readme(about: About, licence: str) -> str:
     """What a reader finds first."""
     out = [one for one in about.inputs if not one.path]
+    site = shlex.quote(f"./{about.site}" if about.site.startswith("-") else about.site)
     missing = "".join(f"- {one.name}, SHA-256 {one.sha256} {one.source}\n" for one in out)
     return f"""# {about.name}
 
@@ -274,7 +276,7 @@ Results of vsr {about.vsr}, the virtual shake robot, with what they were made fr
 
 To check it: `vsr check FILE.zip`. To make it again, unpack it and, in `{about.base}`:
 
-    vsr run PRODUCT --site {about.site} --derived again
+    vsr run PRODUCT --site {site} --derived again
 
 Licence of the results: {licence or "none was stated by who made them"}.
 To cite: the paper in `CITATION.cff` (doi:10.26443/seismica.v3i1.692), and this file.

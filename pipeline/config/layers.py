@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 from pipeline.config.age_files import with_samples
 from pipeline.config.motion_schema import PULSES
 from pipeline.config.outside import text
-from pipeline.config.paths import SHIPPED, located, shown
+from pipeline.config.paths import SHIPPED, kept, located, shown
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.config.refusals import is_section, nearest, problems
@@ -62,7 +62,7 @@ class Origin:
     @property
     def label(self) -> str:
         """Where the settings stand, for provenance: never a path that only one machine knows."""
-        return Path(self.file).name if Path(self.file).is_absolute() else self.file
+        return kept(self.path)
 
     def folder_of(self, key: str) -> Path:
         """Folder that a path is relative to: that of the file which set its dotted key.

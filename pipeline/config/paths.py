@@ -53,6 +53,12 @@ def is_text(name: str) -> bool:
     return True
 
 
+def kept(path: Path) -> str:
+    """A path as products have it, wherever they are made: a shipped one whole, else its name."""
+    real, folder = os.path.realpath(path), os.path.realpath(SHIPPED)
+    return os.path.relpath(real, folder) if Path(real).is_relative_to(folder) else path.name
+
+
 def shown(path: Path) -> str:
     """A path as a reader would write it: relative to where they stand, if it is below."""
     real = os.path.realpath(path)

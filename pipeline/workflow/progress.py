@@ -7,7 +7,8 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Any
 
@@ -53,6 +54,15 @@ class Steps:
             if (taken := time.monotonic() - since) >= due:
                 self._log(f"{self._name}: {what}, {taken:.0f} s so far")
                 due += _PATIENT_SECONDS
+
+
+@contextmanager
+def telling(name: str, what: str, log: Callable[[str], None]) -> Iterator[None]:
+    """Says at once what is being done, and every ten seconds that it goes on."""
+    log(f"{name}: {what}")
+    with Steps(name, log) as steps:
+        steps.tell(what)
+        yield
 
 
 class Progress:

@@ -388,7 +388,7 @@ def wait_for(path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_stopped_while_a_scan_is_cut(tmp_path: Path, how: signal.Signals) -> None:
     process = start("run", "rock", "--site", "double_rock_terrain", "--derived", tmp_path)
     wait_for(tmp_path / "double_rock_terrain")

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pipeline.config.paths import located, shown
+from pipeline.config.paths import kept, located, shown
 from pipeline.config.problems import InputError, Problem
 from pipeline.drawing.style import pictures, png_uri
 from pipeline.stages.archive import archive_figures, rock_list, shipped_equations
@@ -120,7 +120,7 @@ def _dataset(archive: Archive, found: Answers, path: Path, known: str) -> xr.Dat
         "assumption": np.array(list(ASSUMED), dtype=object),
     }
     provenance = {
-        "history": f"made by vsr archive from {shown(path)}",
+        "history": f"made by vsr archive from {kept(path)}",
         "vsr_key": keys.digest([known, shipped_equations.digest()]),
     }
     dataset = xr.Dataset(variables, coords)
@@ -177,7 +177,7 @@ def _facts(archive: Archive, found: Answers, shipped: Shipped, path: Path) -> di
     error = shipped.equations.error
     return {
         "name": path.stem,
-        "file": shown(path),
+        "file": kept(path),
         "count": len(archive.rocks),
         "problems": [str(one) for one in archive.problems],
         "rocks": rocks,

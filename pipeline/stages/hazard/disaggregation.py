@@ -100,6 +100,17 @@ class Bin(Row):
         """The mean of the columns."""
         return float(np.average(self.shares, weights=self.weights or None))
 
+    @property
+    def number(self) -> float:
+        """Mean number of earthquakes in the years of their probabilities; infinite of a sure one.
+
+        Of ten times as many years a bin has ten times the earthquakes, and not ten times the
+        chance.
+        """
+        with np.errstate(divide="ignore"):
+            each = -np.log1p(-np.array(self.shares))
+        return float(np.average(each, weights=self.weights or None))
+
 
 class Edges(Row):
     """Borders of the bins of a disaggregation, as its first line tells them."""
@@ -119,14 +130,14 @@ def load_disaggregation(path: Path) -> Disaggregation:
         found += of_pga
         unused += others
     bins = pd.DataFrame(
-        [(row.iml, row.mag, row.dist, row.share, row.poe, row.years) for row in found],
-        columns=["iml", "mag", "dist", "share", "poe", "years"],
+        [(row.iml, row.mag, row.dist, row.share, row.number, row.poe, row.years) for row in found],
+        columns=["iml", "mag", "dist", "share", "number", "poe", "years"],
     )
     _check(path, bins)
     unused += _other_wholes(bins)
     together = _together(bins)
     if not together.isna().all():
-        bins = bins.assign(share=_rates(path, bins["share"]))
+        bins = bins.assign(share=_numbers(path, bins["number"]))
     grid = bins.groupby(["iml", "mag", "dist"])["share"].sum().unstack(["mag", "dist"])
     if (bins["share"] == 0.0).any() and grid.isna().any(axis=None):
         rule = "a file that holds empty bins holds all"
@@ -176,15 +187,12 @@ def _together(bins: pd.DataFrame) -> pd.Series[float]:
     return shares.agg(lambda part: np.nan if conditional else 1.0 - np.prod(1.0 - part))
 
 
-def _rates(path: Path, shares: pd.Series[float]) -> pd.Series[float]:
-    """Mean numbers of earthquakes of bins in the years of their probabilities.
-
-    Of ten times as many years a bin has ten times the earthquakes, and not ten times the chance.
-    """
-    if (shares == 1.0).any():
+def _numbers(path: Path, numbers: pd.Series[float]) -> pd.Series[float]:
+    """Mean numbers of earthquakes of bins, none of which is sure."""
+    if np.isinf(numbers).any():
         rule, remedy = "it is below 1, or has no rate", "export it for fewer years"
         raise refused(path, "poe", "a bin of a probability of 1", rule, remedy)
-    return shares.map(lambda share: -np.log1p(-share))
+    return numbers
 
 
 def _other_wholes(bins: pd.DataFrame) -> Iterator[str]:

@@ -17,7 +17,7 @@ from pipeline.config import in_si
 from pipeline.config.hazard_schema import Age, History
 from pipeline.config.layers import Origin
 from pipeline.config.observation_schema import Observations
-from pipeline.config.paths import shown
+from pipeline.config.paths import kept
 from pipeline.config.sections import Key
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.fragility.summary import Fits
@@ -103,7 +103,7 @@ def make(
         "exclusion": facts(found, minimum, own),
         "site": work.origin.name,
         "origin": {"source": known["shape_source"], "surrogate": known["surrogate"]},
-        "files": [shown(path) for path in faults.files],
+        "files": [kept(path) for path in faults.files],
         "not_known": not_known,
     }
     files = {

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline.config.hazard_schema import HazardConfig
-from pipeline.config.paths import shown
+from pipeline.config.paths import kept
 from pipeline.drawing.style import svg_uri
 from pipeline.stages.hazard import hazard_figures as figures
 from pipeline.stages.hazard import sensitivity
@@ -53,7 +53,7 @@ def page(
         drawn["weights"] = figures.weights(hazard)
     return {
         "site": site,
-        "curves": shown(curves.path),
+        "curves": kept(curves.path),
         "unused": curves.unused,
         "about": curves.about,
         "origin": origin,

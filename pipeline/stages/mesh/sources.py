@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from pipeline.config.layers import Origin
 from pipeline.config.outside import check_regular, content
-from pipeline.config.paths import located, shown
+from pipeline.config.paths import kept, located, shown
 from pipeline.config.problems import InputError, Problem, not_found
 from pipeline.config.scene_schema import PedestalConfig, RockConfig
 from pipeline.stages.mesh import mesh_files
@@ -235,7 +235,7 @@ def _label(path: Path) -> str:
     facts = origin_of(path)
     if "from" in facts and facts.get("sha256") == digest_file(path):
         return f"public original, {facts['from']}"
-    return f"scan {shown(path)}"
+    return f"scan {kept(path)}"
 
 
 def origin_of(path: Path) -> dict[str, str]:

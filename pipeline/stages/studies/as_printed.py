@@ -15,6 +15,8 @@ from pipeline.config.sections import Key
 from pipeline.stages.mesh.products import Standing
 from pipeline.stages.runs.scenes import Group, Scenes, flat_scene
 from pipeline.workflow.datasets import described, netcdf
+from pipeline.workflow.grammar import counted
+from pipeline.workflow.progress import telling
 from pipeline.workflow.stage import Product, Work
 from pipeline.workflow.workers import Batch
 from vsr_core.motions.pulses import CosinePulse
@@ -70,10 +72,10 @@ def make(
     scene = flat_scene(Scenes(settings, standing), group)
     batches = (Batch(name, ((ratio, level),)) for name in SETTINGS for ratio in ratios
                for level in pga)  # fmt: skip
-    done = {
-        (name, *cell): verdict
-        for name, cell, verdict in work.cluster.each(run_cells, batches, lambda name: (name, scene))
-    }
+    runs = counted(len(SETTINGS) * len(ratios) * len(pga), "run")
+    with telling(work.stage, f"{runs} with {len(SETTINGS)} settings", work.log):
+        verdicts = work.cluster.each(run_cells, batches, lambda name: (name, scene))
+        done = {(name, *cell): verdict for name, cell, verdict in verdicts}
     outcomes = np.array(
         [[[done[name, ratio, level] for level in pga] for ratio in ratios] for name in SETTINGS],
         float,

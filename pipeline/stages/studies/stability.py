@@ -17,7 +17,7 @@ from pipeline.config.sections import Key
 from pipeline.drawing.style import INK, SERIES, cell_edges, pictures, styled, svg_uri
 from pipeline.workflow import pages, writers
 from pipeline.workflow.grammar import counted
-from pipeline.workflow.progress import Steps
+from pipeline.workflow.progress import telling
 from pipeline.workflow.stage import Product, Work
 from pipeline.workflow.workers import Batch
 from vsr_core.arrays import Array
@@ -80,9 +80,7 @@ def run_cases(shared: None, names: tuple[str, ...]) -> list[Finding]:
 def _findings(work: Work, cases: dict[str, ExtremeCase]) -> dict[str, Finding]:
     order = sorted(cases, key=lambda name: cases[name].family not in _HEAVY)
     batches = _batches(order, cases)
-    work.log(f"stability: {(told := counted(len(cases), 'case'))}")
-    with Steps("stability", work.log) as steps:
-        steps.tell(told)
+    with telling(work.stage, counted(len(cases), "case"), work.log):
         done = work.cluster.each(run_cases, batches, lambda nothing: nothing)
         return {name: finding or _DIED for _, name, finding in done}
 

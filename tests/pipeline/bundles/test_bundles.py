@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shlex
 import shutil
 import stat
 import zipfile
@@ -59,6 +61,20 @@ def bundle(made: Path, vsr: Callable[..., Ran], tmp_path: Path) -> Path:
     ran = vsr("export", made, "--to", path)
     assert ran.code == cli.DONE, ran.err
     return path
+
+
+def test_its_readme_gives_a_command_whatever_the_name_of_the_site(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "-my stone.yaml").write_text(SITE.splitlines()[0])
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["run", "rock", "--site=-my stone.yaml", "--derived", "derived"]) == cli.DONE
+    assert cli.main(["export", "derived/-my stone", "--to", "study.zip"]) == cli.DONE
+    with zipfile.ZipFile("study.zip") as archive:
+        (command,) = re.findall(r"vsr (run PRODUCT .*)", archive.read("README.md").decode())
+        archive.extractall("unpacked")
+    monkeypatch.chdir(tmp_path / "unpacked" / "inputs")
+    assert cli.main(shlex.split(command.replace("PRODUCT", "rock"))) == cli.DONE
 
 
 def test_one_that_was_packed_again_with_its_folders_is_whole(

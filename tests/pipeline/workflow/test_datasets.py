@@ -12,6 +12,7 @@ import pytest
 import xarray as xr
 from support.jobs import work
 
+from pipeline import ROOT
 from pipeline.config.layers import Site, load_site
 from pipeline.config.priors_schema import ShakeTableConfig
 from pipeline.workflow.datasets import described, read
@@ -33,17 +34,25 @@ def test_history_names_the_stage_and_no_folder(
 
 
 @pytest.mark.parametrize(
-    ("file", "origin"),
-    [("configs/sites/rock.yaml", "configs/sites/rock.yaml"), ("/home/me/rock.yaml", "rock.yaml")],
+    ("path", "origin"),
+    [
+        (ROOT / "configs" / "sites" / "rock.yaml", "configs/sites/rock.yaml"),
+        (Path("/home/me/rock.yaml"), "rock.yaml"),
+        (Path("mine/rock.yaml"), "rock.yaml"),
+    ],
 )
-def test_a_file_of_the_project_is_named_by_its_place_in_it(file: str, origin: str) -> None:
-    assert replace(load_site("cuboid_1x1x2"), file=file).label == origin
+def test_a_file_of_the_project_is_named_by_its_place_in_it(
+    path: Path, origin: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And another by its name, from wherever it is asked for."""
+    monkeypatch.chdir(tmp_path)
+    assert replace(load_site("cuboid_1x1x2"), path=path).label == origin
 
 
 def test_settings_are_those_of_what_was_made(tmp_path: Path) -> None:
     """A series of tests is no site: its provenance is what was assumed of it, and nothing else."""
     assumed = ShakeTableConfig(members=3)
-    site = Site(name="tests", file=str(tmp_path / "tests"), path=tmp_path, settings=assumed)
+    site = Site(name="tests", file="tests", path=tmp_path / "tests", settings=assumed)
     made = described(xr.Dataset({"pga": 0.1}), work(site, tmp_path, "validation"), "Title")
     attributes = made.attrs
     assert json.loads(attributes["vsr_config_json"]) == assumed.model_dump(mode="json")

@@ -20,6 +20,7 @@ from pipeline.stages.runs.study import Study
 from pipeline.stages.studies.accuracy import worker_tasks
 from pipeline.stages.studies.accuracy.worker_tasks import Way
 from pipeline.workflow.grammar import counted
+from pipeline.workflow.progress import telling
 from pipeline.workflow.stage import Work
 from pipeline.workflow.workers import Batch
 from vsr_core import engines
@@ -93,9 +94,9 @@ def find_targets(work: Work, study: Study) -> dict[Place, Target]:
     """Find what is right on the rows of the site that something topples."""
     names = (COMPILED,) if study.settings.on_terrain else installed()
     batches = (Batch(yaw, ((ratio, names),)) for yaw, ratio in _places(study.scenes.rock))
-    work.log("accuracy: references of the boundaries")
-    done = work.cluster.each(worker_tasks.find_target, batches, partial(_case, study))
-    found = {(yaw, ratio): target for yaw, (ratio, _), target in done if target is not None}
+    with telling(work.stage, "references of the boundaries", work.log):
+        done = work.cluster.each(worker_tasks.find_target, batches, partial(_case, study))
+        found = {(yaw, ratio): target for yaw, (ratio, _), target in done if target is not None}
     return {place: target for place, target in sorted(found.items()) if target.passing}
 
 
@@ -116,12 +117,12 @@ def score_ways(work: Work, study: Study, targets: dict[Place, Target]) -> list[R
         return _case(study, place[0]), targets[place], study.how(_group(study, place[0]))
 
     boundaries = counted(len(targets), "boundary", "boundaries")
-    work.log(f"accuracy: {counted(len(ways), 'way')} of running on {boundaries}")
     batches = (Batch(place, (way,)) for way in ways for place in targets)
     scored: dict[Way, list[Score]] = defaultdict(list)
-    for _, _, results in work.cluster.each(worker_tasks.score, batches, shared):
-        for way, found in results or ():
-            scored[way].append(found)
+    with telling(work.stage, f"{counted(len(ways), 'way')} of running on {boundaries}", work.log):
+        for _, _, results in work.cluster.each(worker_tasks.score, batches, shared):
+            for way, found in results or ():
+                scored[way].append(found)
     return [
         record(
             way.part,
@@ -174,14 +175,14 @@ def sample_cells(work: Work, study: Study) -> list[SampledCell]:
     def shared(yaw: float) -> tuple[Case | TerrainCase, tuple[Settings, ...]]:
         return _case(study, yaw), tuple(every.values())
 
-    work.log(f"accuracy: {count} cells in {', '.join(names)}, and at a sixteenth of the step")
-    found = [
-        SampledCell(yaw, pgv_pga, in_si.in_g(pga), dict(zip(every, outcomes, strict=True)))
-        for yaw, (pgv_pga, pga), outcomes in work.cluster.each(
-            worker_tasks.run_cells, batches(), shared
-        )
-        if outcomes is not None
-    ]
+    told = f"{count} cells in {', '.join(names)}, and at a sixteenth of the step"
+    with telling(work.stage, told, work.log):
+        done = work.cluster.each(worker_tasks.run_cells, batches(), shared)
+        found = [
+            SampledCell(yaw, pgv_pga, in_si.in_g(pga), dict(zip(every, outcomes, strict=True)))
+            for yaw, (pgv_pga, pga), outcomes in done
+            if outcomes is not None
+        ]
     return sorted(found, key=lambda cell: (*cell[:3], *cell.outcomes.values()))
 
 
@@ -210,10 +211,10 @@ def run_suite(work: Work) -> list[Record]:
     items = [
         (name, engine) for name, case in cases.items() for engine in case.engines if engine in there
     ]
-    work.log(f"accuracy: reference suite, {len(items)} cases")
     batches = (Batch(STEPS, (item,)) for item in items)
-    done = work.cluster.each(worker_tasks.run_reference, batches, lambda steps: steps)
-    found = [result for _, _, results in done for result in results or ()]
+    with telling(work.stage, f"reference suite, {len(items)} cases", work.log):
+        done = work.cluster.each(worker_tasks.run_reference, batches, lambda steps: steps)
+        found = [result for _, _, results in done for result in results or ()]
     return [
         record(
             "reference",

@@ -17,6 +17,7 @@ from pipeline.stages.runs.scenes import Group, flat_case, terrain_case
 from pipeline.stages.runs.study import Study
 from pipeline.stages.studies.accuracy import worker_tasks
 from pipeline.stages.studies.accuracy.comparison import Record, record
+from pipeline.workflow.progress import telling
 from pipeline.workflow.stage import Work
 from pipeline.workflow.workers import Batch
 from vsr_core import engines
@@ -52,9 +53,10 @@ def fronts(work: Work, study: Study) -> list[Record]:
             share * unit, settings.simulation.reduce, settings.engine, whole=True
         )
 
-    work.log("accuracy: tilts, slips and ways at each time step and a sixteenth of it")
-    found = work.cluster.each(worker_tasks.measure_quantities, batches(), shared)
-    done = {place: result for place, _, result in found if result is not None}
+    told = "tilts, slips and ways at each time step and a sixteenth of it"
+    with telling(work.stage, told, work.log):
+        found = work.cluster.each(worker_tasks.measure_quantities, batches(), shared)
+        done = {place: result for place, _, result in found if result is not None}
     known = exact(_case(study, yaws[0]))
     return [
         line

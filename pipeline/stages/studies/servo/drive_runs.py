@@ -13,7 +13,7 @@ from pipeline.config.motion_schema import MotionConfig, RecordConfig
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.motions.motion_grid import MotionFiles
 from pipeline.stages.runs.scenes import Group, Scenes, flat_scene
-from pipeline.workflow.progress import Steps
+from pipeline.workflow.progress import telling
 from pipeline.workflow.stage import Work
 from pipeline.workflow.workers import Batch
 from vsr_core.judge.proofs import Barrier
@@ -274,11 +274,9 @@ def rows(
     levels = np.geomspace(np.clip(lowest, LEAST * last, 0.5 * last), last, LEVELS).tolist()
     items = [(name, float(ratio)) for ratio in ratios for name in cases]
     told = f"boundary of {len(ratios)} PGV/PGA with {len(drives)} drives"
-    work.log(f"drive: {told}")
     shared = cases, levels, STEP_SHARE * step_unit(scenes.level_rock)
     batches = (Batch("drives", (item,)) for item in items)
-    with Steps("drive", work.log) as steps:
-        steps.tell(told)
+    with telling(work.stage, told, work.log):
         done = work.cluster.each(run_rows, batches, lambda name: shared)
         found = {item: bracket or Bracket(math.nan, math.nan) for _, item, bracket in done}
     return {item: found[item] for item in items}

@@ -573,10 +573,25 @@ def test_of_other_statistics_the_mean_counts(tmp_path: Path) -> None:
     )
 
 
+def test_realizations_have_the_same_shares_whatever_the_years_of_their_probabilities(
+    tmp_path: Path,
+) -> None:
+    """Each is of its own rates, of which the mean counts; two sum to no probability of 1."""
+    rates = np.array([[2e-3, 1e-3, 1e-4, 1e-4], [1e-5, 1e-5, 2e-3, 1e-3]])
+    for years in (1.0, 50.0, 1000.0, 5000.0):
+        chances = -np.expm1(-rates * years)
+        columns = {f"rlz{at}": row.tolist() for at, row in enumerate(chances)}
+        path = disaggregated(tmp_path, columns, f"{EDGES}, weights=[0.75, 0.25]")
+        mean = np.array([0.75, 0.25]) @ rates
+        assert shares(path) == pytest.approx((mean / mean.sum()).tolist())
+
+
 def test_realizations_count_by_the_weights_of_the_first_line(tmp_path: Path) -> None:
     columns = {"rlz0": MEAN, "rlz3": MEAN[::-1]}
     path = disaggregated(tmp_path, columns, f"{EDGES}, weights=[0.75, 0.25], rlz_ids=[0, 3]")
-    assert shares(path) == pytest.approx(by_rates([3.25e-4, 2.75e-4, 2.25e-4, 1.75e-4]))
+    rates = -np.log(1.0 - np.array([MEAN, MEAN[::-1]]))
+    mean = np.array([0.75, 0.25]) @ rates
+    assert shares(path) == pytest.approx((mean / mean.sum()).tolist())
     assert load_disaggregation(path).unused == ()
     turned = dict(reversed(columns.items()))
     path = disaggregated(tmp_path, turned, f"{EDGES}, weights=[0.25, 0.5]")
@@ -585,7 +600,7 @@ def test_realizations_count_by_the_weights_of_the_first_line(tmp_path: Path) -> 
         "sum to 0.75, and count as shares of that",
     ]
     path = disaggregated(tmp_path, columns)
-    assert shares(path) == pytest.approx([0.25] * 4)
+    assert shares(path) == pytest.approx((rates.mean(axis=0) / rates.mean(axis=0).sum()).tolist())
     assert "count alike" in load_disaggregation(path).unused[0]
 
 

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from support.bad_input import bounded
 from trimesh.exchange.dae import export_collada
 
-from pipeline import ROOT
+from pipeline import ROOT, cli
 from pipeline.stages.mesh import mesh_files, scan_figures
 from pipeline.workflow.datasets import read
 from vsr_core.errors import InvalidInput
@@ -157,6 +157,18 @@ def test_a_map_in_double_precision_is_read(tmp_path: Path) -> None:
     (tmp_path / "rock.obj").write_text(on_a_map().export(file_type="obj"))
     found = mesh_files.read(tmp_path / "rock.obj")
     assert found.volume == pytest.approx(ball().volume, rel=1e-6)
+
+
+def test_a_scan_is_named_alike_from_wherever_the_command_is_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ball().export(tmp_path / "rock.ply")
+    where, found = site(tmp_path, "rock.ply"), []
+    for folder in (tmp_path.parent, tmp_path):
+        monkeypatch.chdir(folder)
+        assert cli.main(["run", "rock", "--site", str(where), "--derived", "made"]) == cli.DONE
+        found.append((folder / "made" / where.stem / "rock.nc").read_bytes())
+    assert found[0] == found[1]
 
 
 def test_a_unit_in_the_file_is_that_of_the_scale(tmp_path: Path) -> None:
