@@ -81,7 +81,7 @@ def make(
     beyond = open_ends(analysis, results, origin, of_pgv=of_pgv)
     scale, late = of_scale(analysis, found["scale_factor"].item(), of_pgv=of_pgv)
     found["scale_factor"] = (), scale
-    of_others = open_cases(all_cases, compared, origin)
+    of_others = open_cases(all_cases, compared, beyond, origin)
     not_known = (*beyond, *late, *of_others, *sensitivity.too_coarse(all_cases))
     for one in (*beside.slips(), *not_known):
         work.log(f"hazard: {one}")

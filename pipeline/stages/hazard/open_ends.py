@@ -301,12 +301,15 @@ def told_of_untested(
     return told(_lost(least, most), LOST, given, refusal)
 
 
-def open_cases(found: Iterable[Case], compared: Container[str], origin: Origin) -> Iterator[str]:
+def open_cases(
+    found: Iterable[Case], compared: Container[str], said: Container[str], origin: Origin
+) -> Iterator[str]:
     """What is not known of cases of other runs than the rock's, in words; none is refused.
 
     Parameters
     ----------
     compared : names of these cases
+    said : what is not known of the rock's own runs, which is not said again
     """
     for case in found:
         if case.name in compared:
@@ -317,4 +320,4 @@ def open_cases(found: Iterable[Case], compared: Container[str], origin: Origin) 
                 )
             except InputError as error:
                 doubts = tuple(one.given for one in error.problems)
-            yield from (f"{case.name}: {one}" for one in doubts)
+            yield from (f"{case.name}: {one}" for one in doubts if one not in said)

@@ -205,10 +205,12 @@ def test_a_rock_that_topples_beyond_what_was_tried(often: float, told: str) -> N
         assert len(words) == bool(told)
         assert all(f"survival is {told} with what its fits" in one for one in words)
     case = Case("study: other", analysis, results)
-    said = list(open_cases([case], [case.name], origin))
+    said = list(open_cases([case], [case.name], [], origin))
     assert len(said) == bool(told)
     assert all(one.startswith("study: other: no runs of rock above 2 g") for one in said)
-    assert not list(open_cases([case], [], origin))
+    assert not list(open_cases([case], [], [], origin))
+    own = [one.removeprefix("study: other: ") for one in said]
+    assert not list(open_cases([case], [case.name], own, origin))
 
 
 @pytest.mark.parametrize(
