@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from pipeline.stages.mesh.gltf_files import check_repeated
+from pipeline.stages.mesh.file_limits import check_repeated
 from vsr_core.errors import InvalidInput
 
 _SURFACES, _STRIPS = {"triangles", "polylist", "polygons"}, {"trifans", "tristrips"}

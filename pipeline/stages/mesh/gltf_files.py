@@ -12,12 +12,10 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from pipeline.config.outside import of_json
+from pipeline.stages.mesh.file_limits import COARSEST, check_repeated
 from pipeline.workflow.grammar import listed
 from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
-
-COARSEST = 1e-3
-"""Largest step between neighbouring numbers of a file, as a share of what it shows."""
 
 _VERSION = 2
 
@@ -87,23 +85,6 @@ def _require_few(scene: dict[str, Any]) -> None:
     ]
     shown = [faces[node["mesh"]] for node in scene.get("nodes", ()) if "mesh" in node]
     check_repeated(len(shown), sum(shown), sum(faces))
-
-
-def check_repeated(shapes: int, faces: int, stored: int) -> None:
-    """Refuse a scene of too many shapes, or of far more faces than its file holds.
-
-    Raises
-    ------
-    InvalidInput
-    """
-    if shapes > MOST_SHAPES or faces - stored > MOST_REPEATED:
-        given = f"{shapes:,} shapes of {faces:,} faces in a scene, where {stored:,} are stored"
-        rule = f"they are at most {MOST_SHAPES:,}, of {MOST_REPEATED:,} faces more than that"
-        raise InvalidInput(given, rule, "export the rock alone")
-
-
-MOST_SHAPES, MOST_REPEATED = 10_000, 1_000_000
-"""In a scene, each as often as it is there."""
 
 
 def _moves(matrix: list[float]) -> bool:

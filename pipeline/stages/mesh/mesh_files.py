@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.config.outside import check_regular
 from pipeline.stages.mesh import collada_files, gltf_files, ply_files, text_meshes
-from pipeline.stages.mesh.gltf_files import COARSEST
+from pipeline.stages.mesh.file_limits import COARSEST
 from vsr_core.errors import InvalidInput, reason
 
 if TYPE_CHECKING:
