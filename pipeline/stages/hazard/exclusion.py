@@ -26,7 +26,13 @@ from pipeline.stages.hazard.fault_files import Faults
 from pipeline.stages.hazard.open_ends import told_of_untested
 from pipeline.stages.hazard.open_scenarios import open_faults, open_magnitudes
 from pipeline.stages.hazard.rock_ages import back_to
-from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_fits, of_members
+from pipeline.stages.hazard.rock_fragility import (
+    DRAWN,
+    RockFragility,
+    of_fits,
+    of_members,
+    with_static,
+)
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import pages, writers
@@ -81,11 +87,10 @@ def make(
         ``exclusion.nc``, ``exclusion.csv``, ``exclusion_faults.csv`` and ``exclusion.html``.
     """
     drawn = ensemble is not None and support == "tested"
-    own = of_members(ensemble.data) if ensemble and drawn else of_fits(fits)
-    static = in_si.acceleration(float(rock.data["tipping_pga"].min()))
+    own = with_static(of_members(ensemble.data) if ensemble and drawn else of_fits(fits), rock)
     found = _map(own, faults)
     not_known = [
-        *open_magnitudes(own, *_nearest_standing(found, faults), static),
+        *open_magnitudes(own, *_nearest_standing(found, faults)),
         *_untested_magnitudes(found, _map(own.within_tested(), faults), own.tested[1]),
         *_frequent(faults),
     ]
@@ -94,7 +99,7 @@ def make(
         seen = observed if drawn else ()
         ages = back_to(age, history, seen)[:, 0]  # for which it stood as now
         found = found.merge(_of_faults(own, faults, ages))
-        not_known += _open(own, faults, ages, found, static, work.origin)
+        not_known += _open(own, faults, ages, found, work.origin)
         found["fault_rejected"] = (found["fault_survival"] < minimum).astype(np.int8)
     for told in not_known:
         work.log(f"exclusion: {told}")
@@ -252,17 +257,12 @@ def _of_faults(rock: RockFragility, faults: Faults, ages: Array) -> xr.Dataset:
 
 
 def _open(
-    rock: RockFragility,
-    faults: Faults,
-    ages: Array,
-    found: xr.Dataset,
-    static: float,
-    origin: Origin,
+    rock: RockFragility, faults: Faults, ages: Array, found: xr.Dataset, origin: Origin
 ) -> Iterator[str]:
     """What is not known of the shaking by some faults, or of what it topples, in words."""
     names = found["fault"].values.tolist()
     often = (ages.mean() * found["fault_rate"].values).tolist()
-    yield from open_faults(rock, _of_all(faults), names, often, static, origin)
+    yield from open_faults(rock, _of_all(faults), names, often, origin)
     most = _of_faults(rock.within_tested(), faults, ages)
     each = (
         [*data["fault_survival"].values.tolist(), data["survival_together"].item()]

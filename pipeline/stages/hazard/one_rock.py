@@ -19,7 +19,14 @@ from pipeline.config.problems import InputError, Problem, edited_since
 from pipeline.config.yaml_text import parse
 from pipeline.stages.archive.archived_rock import answered
 from pipeline.stages.fragility.summary import Fits
-from pipeline.stages.hazard.rock_fragility import RockFragility, of_fits, of_members, of_photograph
+from pipeline.stages.hazard.rock_fragility import (
+    RockFragility,
+    of_fits,
+    of_members,
+    of_photograph,
+    with_static,
+)
+from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import graph, keys, site_folder
 from pipeline.workflow.store import Store
@@ -78,10 +85,11 @@ class Other:
         if manifest is None or manifest["key"] != self.key:
             given = f"{self.stage} of other files or settings than {self.site.name} has by now"
             raise edited_since(str(folder), given)
+        rock = RockData(folder)
         if not self.uncertain:
-            return of_fits(Fits(folder))
+            return with_static(of_fits(Fits(folder)), rock)
         try:
-            return of_members(EnsembleData(folder).data)
+            return with_static(of_members(EnsembleData(folder).data), rock)
         except InputError as error:
             files = (replace(one, file=str(folder / one.file)) for one in error.problems)
             raise InputError(*files) from None

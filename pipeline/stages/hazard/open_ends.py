@@ -32,11 +32,15 @@ survival was 1.13 times as large as with all shaking, with 0.30 1.7 times, with 
 0.23 the rate of toppling was half."""
 
 OFF = 0.1, 0.6
-"""The same of shaking that is open, as no run is near to its PGV/PGA: with 0.34 survival was 0.007,
-not 0.052, with 0.36 it was 0.32, with 0.72 it was 1."""
+"""The same of shaking that is open, as no run is near to its PGV/PGA: with 0.34, of the PGA that is
+exceeded once, survival was 0.007, not 0.052, with 0.36 it was 0.32, with 0.72 it was 1."""
 
 TO_TWICE = np.array([1.0, 1.4, 2.0])
 """Factors on a PGA of which that share is asked; the largest share counts."""
+
+LIKELY = 0.01
+"""How often, on average, a PGA is exceeded within the age, or by an earthquake, of which it is
+asked."""
 
 NEAR = np.array([0.5, 2.0]) ** 0.5
 """Factors to the ends of what a PGV/PGA of runs stands for, where each is twice the one before."""
@@ -179,9 +183,9 @@ def off_runs(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
         open_share(stage, rock.name, shaking.table, level)
         for rock in analysis.rocks
         for stage in rock.stages
-        for level in _asked(stage, _exceeded_once(analysis.before, rock.ages), shaking.levels)
+        for level in _asked(stage, analysis.before, rock.ages)
     )
-    share, given = max(each, key=itemgetter(0))
+    share, given = max(each, key=itemgetter(0), default=(0.0, ""))
     line = f"{given}: it counts as of the nearest of them, and survival may be far off"
     return told(share, OFF, line, off_all_runs(origin, given))
 
@@ -192,21 +196,25 @@ def off_all_runs(origin: Origin, given: str) -> Problem:
     return Problem(origin.file_of("motion"), "motion", given, rule, "set more of them")
 
 
-def _exceeded_once(curve: HazardCurve, ages: Array) -> float:
-    """PGA [m/s^2] that is exceeded once within an age [year], or the first or last of a curve."""
-    return curve.level_at(float(np.clip(1.0 / ages.mean(), *curve.rates[[-1, 0]])))
+def _asked(one: RockFragility, curve: HazardCurve, ages: Array) -> Array:
+    """PGA [m/s^2] that is exceeded once within an age [year], and others that matter then."""
+    once = curve.level_at(float(np.clip(1.0 / ages.mean(), *curve.rates[[-1, 0]])))
+    levels = levels_asked(one)
+    likely = np.append(once, levels[curve.rate_at(levels) * ages.mean() >= LIKELY])
+    return likely[likely >= acceleration(one.static)]
 
 
-def _asked(one: RockFragility, once: float, known: Array) -> Array:
-    """PGA [m/s^2] at which shorter or longer shaking may matter, of those that are known.
+def levels_asked(one: RockFragility) -> Array:
+    """PGA [m/s^2] at which shorter or longer shaking may matter most.
 
-    What is exceeded once, and from the least that topples half of a rock in some run to twice as
+    From the static one, and from the least that topples half of a rock in some run, to twice as
     much.
     """
     low, high = acceleration(np.array(one.tested))
-    levels = np.geomspace(low, max(once, high), 200)
-    half = levels[one.mean(levels).max(axis=0) >= 0.5][:1]
-    return np.clip(np.append(once, np.outer(half, TO_TWICE)), known[0], known[-1])
+    tried = np.geomspace(low, high, 200)
+    half = tried[one.mean(tried).max(axis=0) >= 0.5][:1]
+    starts = np.append(acceleration(one.static), half)
+    return np.outer(starts[starts > 0.0], TO_TWICE).ravel()
 
 
 def open_share(one: RockFragility, name: str, table: RatioTable, level: float) -> tuple[float, str]:

@@ -9,15 +9,18 @@ from scipy.special import ndtr
 
 from pipeline.config.in_si import acceleration
 from pipeline.config.layers import Origin
-from pipeline.stages.hazard.open_ends import OFF, TO_TWICE, off_all_runs, open_share, told
+from pipeline.stages.hazard.open_ends import (
+    LIKELY,
+    OFF,
+    levels_asked,
+    off_all_runs,
+    open_share,
+    told,
+)
 from pipeline.stages.hazard.rock_fragility import RockFragility
 from vsr_core.arrays import Array
 from vsr_core.hazard.ratio import RatioTable
 from vsr_core.hazard.scenarios import Shaking, ratios_given
-
-LIKELY = 0.01
-"""How often, on average, a PGA is exceeded of which it is asked: by an earthquake, or by those of a
-fault within the age."""
 
 
 def open_faults(
@@ -25,7 +28,6 @@ def open_faults(
     shaking: Shaking,
     names: Sequence[str],
     often: Sequence[float],
-    static: float,
     origin: Origin,
 ) -> tuple[str, ...]:
     """Faults of whose shaking much is open, in words.
@@ -34,7 +36,6 @@ def open_faults(
     ----------
     names : of faults, some of which may have several kinds of earthquakes
     often : how many of these came within the age, on average
-    static : float [m/s^2], PGA below which no shaking topples the rock
 
     Raises
     ------
@@ -42,25 +43,22 @@ def open_faults(
         If most of it is.
     """
     found: list[str] = []
-    for name, (share, given) in zip(names, _open(rock, shaking, often, static), strict=True):
+    for name, (share, given) in zip(names, _open(rock, shaking, often), strict=True):
         said = f"{given} by {name}"
         line = f"{said}: it counts as of the nearest of them"
         found += told(share, OFF, line, off_all_runs(origin, said))
     return tuple(found)
 
 
-def open_magnitudes(
-    rock: RockFragility, shaking: Shaking, magnitudes: Array, static: float
-) -> tuple[str, ...]:
+def open_magnitudes(rock: RockFragility, shaking: Shaking, magnitudes: Array) -> tuple[str, ...]:
     """Magnitudes whose least distances are open, in words.
 
     Parameters
     ----------
     shaking : of earthquakes at those distances
     magnitudes : ndarray, shape (n,), of each of them
-    static : float [m/s^2], PGA below which no shaking topples the rock
     """
-    found = _open(rock, shaking, [1.0] * len(magnitudes), static)
+    found = _open(rock, shaking, [1.0] * len(magnitudes))
     open_ones = [at for at, (share, _) in enumerate(found) if share >= OFF[0]]
     if not open_ones:
         return ()
@@ -71,23 +69,17 @@ def open_magnitudes(
     return (f"least distances of {span} may be far off: {given}",)
 
 
-def _open(
-    rock: RockFragility, shaking: Shaking, often: Sequence[float], static: float
-) -> list[tuple[float, str]]:
+def _open(rock: RockFragility, shaking: Shaking, often: Sequence[float]) -> list[tuple[float, str]]:
     """Share of each earthquake's shaking that is open at some PGA, and that in words."""
-    low, high = acceleration(np.array(rock.tested))
-    tried = np.geomspace(low, high, 200)
-    toppled = rock.mean(tried).max(axis=0) >= 0.5
-    half = tried[toppled.argmax()] if toppled.any() else high
-    found = []
+    found, toppling = [], levels_asked(rock)
     for one, number in zip(shaking.parted(1), often, strict=True):
-        asked = np.concatenate([np.exp(one.pga), static * TO_TWICE, half * TO_TWICE])
+        asked = np.append(np.exp(one.pga), toppling)
         exceeded = max(number, 1.0) * ndtr((one.pga - np.log(asked)) / one.pga_sd)
         medians, log_sds = ratios_given(one, asked)
         each = [
             open_share(rock, "the rock", RatioTable(asked[[at]], medians[0, [at]], log_sds), level)
             for at, level in enumerate(asked)
-            if exceeded[at] >= LIKELY and level >= static
+            if exceeded[at] >= LIKELY and level >= acceleration(rock.static)
         ]
         found.append(max(each, default=(0.0, "")))
     return found

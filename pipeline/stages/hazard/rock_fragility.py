@@ -14,6 +14,7 @@ from pipeline.config import in_si
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, Answered
 from pipeline.stages.fragility.summary import SEARCHED, Fits
+from pipeline.stages.mesh.products import RockData
 from pipeline.workflow.datasets import open_below, rows_of
 from vsr_core.arrays import Array, Indices
 from vsr_core.hazard.toppling import RowFragility, continued_rows, lognormal_rows
@@ -43,6 +44,7 @@ class RockFragility:
     others_by_yaw : dict, from the direction [degree] to those of each member
     tested : tuple of float [g], least and largest PGA that was tried
     records : bool, whether the rows are recorded motions, not pulses
+    static : float [g], least steady acceleration that topples it, 0 where that is not known
     numbers : ndarray of int, shape (others,), of the draws among all that may be drawn, which
         observations may have chosen repeatedly; none of fits
     """
@@ -55,6 +57,7 @@ class RockFragility:
     tested: tuple[float, float]
     frictions: tuple[float, ...]
     records: bool
+    static: float = 0.0
     others_by_yaw: dict[float, tuple[RowFragility, ...]] = field(default_factory=dict)
     numbers: Indices = field(default_factory=lambda: np.array([], np.int64))
 
@@ -119,6 +122,11 @@ class RockFragility:
             others=tuple(map(of, self.others)),
             others_by_yaw={yaw: tuple(map(of, rows)) for yaw, rows in self.others_by_yaw.items()},
         )
+
+
+def with_static(fragility: RockFragility, rock: RockData) -> RockFragility:
+    """The same of a rock that tips as that one does, as given."""
+    return replace(fragility, static=float(rock.data["tipping_pga"].min()))
 
 
 def of_fits(fits: Fits) -> RockFragility:
@@ -203,12 +211,12 @@ def of_members(data: xr.Dataset) -> RockFragility:
         DRAWN,
         tested,
         (),
-        row == "record",
-        {
+        records=row == "record",
+        others_by_yaw={
             yaw: tuple(rows_with(cells[[i]], edge[[i]], own[i]) for cells, edge in members)
             for yaw, i in yaws
         },
-        data["drawn_seed"].values - FIRST_SEED,
+        numbers=data["drawn_seed"].values - FIRST_SEED,
     )
     return found.one_row_each()
 
@@ -261,6 +269,7 @@ def of_photograph(rock: Answered) -> RockFragility:
         (rock.static, rock.farthest),
         (),
         records=False,
+        static=rock.static,
         others_by_yaw={
             yaw: tuple(lognormal_rows(one[[i]], sharp[[i]]) for one in draws) for i, yaw in sides
         },

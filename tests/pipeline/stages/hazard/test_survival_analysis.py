@@ -323,6 +323,19 @@ def test_shaking_is_asked_where_runs_begin_to_topple_however_often_it_came(years
         off_runs(of_curves(model(1e-4), rock), origin)
 
 
+@pytest.mark.parametrize(("years", "told"), [(1e4, True), (50.0, True), (1.0, False)])
+def test_longer_shaking_is_asked_from_the_static_pga_on(years: float, told: bool) -> None:
+    """0.5 g comes once in 2,500 years, half of it beyond 0.07 s, of which no run topples there."""
+    origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
+    rows = rows_from([0.035, 0.05, 0.0707107], [0.9, 0.8, 0.7])
+    known, unknown = (
+        off_runs(of_curves(model(1e-4), DatedRock("rock", one, np.array([years]))), origin)
+        for one in (replace(rows, static=0.5), rows)
+    )
+    assert any("off 50% of the shaking of 0.5 g" in one for one in known) is told
+    assert not any("0.5 g" in one for one in unknown)
+
+
 def test_a_rock_that_no_run_topples_is_asked_at_its_age_alone() -> None:
     origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
     rock = DatedRock("rock", rows_from([0.05, 0.1, 0.2, 0.4], [99.0] * 4), np.array([1e3]))
@@ -1010,27 +1023,29 @@ def test_the_direction_and_the_age_of_a_rock_are_those_of_its_stages_too() -> No
 )
 def test_faults_of_whose_pgv_pga_there_are_no_runs(median: float, static: float, told: str) -> None:
     """A rock that topples from 0.5 g on at 0.05, 0.1 and 0.2 s, and an earthquake of 0.3 g."""
-    rock, origin = ensemble([0.5], 800), Origin(name="a", file="a.yaml", path=Path("a.yaml"))
+    rock = replace(ensemble([0.5], 800), static=static)
+    origin = Origin(name="a", file="a.yaml", path=Path("a.yaml"))
     pga = np.log([0.3 * GRAVITY])
     without = {"correlation": 0.0, "pga_sd": np.array([0.01]), "pgv_sd": np.array([0.275])}
     shaking = Shaking(pga=pga, pgv=pga + np.log(median), **without)
     if told == "refused":
         with pytest.raises(InputError, match=r"a.yaml: motion: got runs of the rock at 3 PGV/PGA"):
-            open_faults(rock, shaking, ["A"], [1.0], static * GRAVITY, origin)
+            open_faults(rock, shaking, ["A"], [1.0], origin)
         return
-    words = open_faults(rock, shaking, ["A"], [1.0], static * GRAVITY, origin)
+    words = open_faults(rock, shaking, ["A"], [1.0], origin)
     assert len(words) == bool(told)
     assert all(f"off {told} of the shaking of 0.3 g" in one for one in words)
-    words = open_magnitudes(rock, shaking, np.array([6.5]), static * GRAVITY)
+    words = open_magnitudes(rock, shaking, np.array([6.5]))
     assert len(words) == bool(told)
     assert all("least distances of M 6.5 may be far off" in one for one in words)
 
 
 def test_faults_of_many_weak_earthquakes_are_asked_of_their_tail() -> None:
     """Of 0.1 g in the median, whose 0.3 g comes once in 3,500 of them, all longer than the runs."""
-    rock, origin = ensemble([0.5], 800), Origin(name="a", file="a.yaml", path=Path("a.yaml"))
+    rock = replace(ensemble([0.5], 800), static=0.3)
+    origin = Origin(name="a", file="a.yaml", path=Path("a.yaml"))
     pga, sd = np.log([0.1 * GRAVITY]), np.array([0.32])
     shaking = Shaking(pga=pga, pga_sd=sd, pgv=pga, pgv_sd=np.array([0.1]), correlation=0.999)
-    assert open_faults(rock, shaking, ["A"], [10.0], 0.3 * GRAVITY, origin) == ()
+    assert open_faults(rock, shaking, ["A"], [10.0], origin) == ()
     with pytest.raises(InputError, match=r"off 100% of the shaking of 0\.3 g"):
-        open_faults(rock, shaking, ["A"], [1000.0], 0.3 * GRAVITY, origin)
+        open_faults(rock, shaking, ["A"], [1000.0], origin)
