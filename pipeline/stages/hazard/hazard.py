@@ -19,8 +19,7 @@ from pipeline.stages.hazard.curve_folder import Curves
 from pipeline.stages.hazard.exclusion import ExclusionData
 from pipeline.stages.hazard.exclusion import facts as of_earthquakes
 from pipeline.stages.hazard.hazard_dataset import dataset, drawn_tables, pga_at, table
-from pipeline.stages.hazard.hazard_model import MOST_PGA
-from pipeline.stages.hazard.hazard_page import page
+from pipeline.stages.hazard.hazard_page import page, strength
 from pipeline.stages.hazard.one_rock import alike_in_shape
 from pipeline.stages.hazard.open_ends import of_scale, open_cases, open_ends
 from pipeline.stages.hazard.other_rocks import Others, dated
@@ -34,7 +33,6 @@ from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
 from pipeline.workflow.grammar import counted
 from pipeline.workflow.stage import Product, Work
-from vsr_core.hazard.curve import HazardCurve
 
 FILE, TABLE, PAGE = "hazard.nc", "hazard.csv", "hazard.html"
 
@@ -154,17 +152,3 @@ def _summary(analysis: SurvivalAnalysis, results: BranchResults) -> str:
         f"{rejected} of {counted(branches, 'branch', 'branches')} rejected; "
         f"2,475-year PGA: prior {before}, posterior {after}"
     )
-
-
-def strength(mean: HazardCurve) -> str:
-    """How strong shaking is by a mean curve, in which a wrong unit shows.
-
-    >>> strength(HazardCurve(np.array([0.98, 9.8]), np.array([0.01, 0.0001])))
-    'by the mean curve 0.218 g is exceeded once in 475 years, and 0.497 g once in 2,475 years'
-    """
-    told: list[str] = []
-    for years in MOST_PGA:
-        pga = pga_at(mean, years)
-        shown = "a PGA beyond its levels" if math.isnan(pga) else f"{pga:.3g} g"
-        told.append(f"{shown}{'' if told else ' is exceeded'} once in {years:,} years")
-    return f"by the mean curve {', and '.join(told)}"

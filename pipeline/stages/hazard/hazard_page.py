@@ -15,13 +15,15 @@ from pipeline.drawing.style import svg_uri
 from pipeline.stages.hazard import hazard_figures as figures
 from pipeline.stages.hazard import sensitivity
 from pipeline.stages.hazard.curve_folder import Curves
-from pipeline.stages.hazard.hazard_dataset import COLUMNS, OF_EVENTS
+from pipeline.stages.hazard.hazard_dataset import COLUMNS, OF_EVENTS, pga_at
+from pipeline.stages.hazard.hazard_model import MOST_PGA
 from pipeline.stages.hazard.rock_ages import of_age
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, DRAWN_AGAIN, AssumedShaking
 from pipeline.stages.hazard.survival_analysis import SurvivalAnalysis
 from pipeline.stages.mesh.products import RockData
 from pipeline.workflow.grammar import form, listed
 from vsr_core.arrays import Array, Mask
+from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.ratio import CORRELATION, LOG_SD
 from vsr_core.hazard.shaking import EventShaking
 
@@ -254,6 +256,20 @@ def _moved(before: float, after: float) -> str:
     else:
         change = f"{'falls' if after < before else 'rises'} from {shown[0]} to {shown[1]} g"
     return f"the 2,475-year PGA {change}"
+
+
+def strength(mean: HazardCurve) -> str:
+    """How strong shaking is by a mean curve, in which a wrong unit shows.
+
+    >>> strength(HazardCurve(np.array([0.98, 9.8]), np.array([0.01, 0.0001])))
+    'by the mean curve 0.218 g is exceeded once in 475 years, and 0.497 g once in 2,475 years'
+    """
+    told: list[str] = []
+    for years in MOST_PGA:
+        pga = pga_at(mean, years)
+        shown = "a PGA beyond its levels" if math.isnan(pga) else f"{pga:.3g} g"
+        told.append(f"{shown}{'' if told else ' is exceeded'} once in {years:,} years")
+    return f"by the mean curve {', and '.join(told)}"
 
 
 def of_location(place: tuple[float, float] | None) -> str:
