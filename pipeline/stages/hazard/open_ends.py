@@ -134,20 +134,30 @@ def of_scale(
 
     Returns
     -------
-    float, NaN where much of the shaking of the first level then topples a rock
+    float, NaN where much of the shaking of the first level topples a rock with it, or no run is
+        near to most of the shaking
     tuple of str
     """
-    said = tuple(_off_with(analysis, factor)) if 0.0 < factor < np.inf else ()
+    said = list(_off_with(analysis, factor)) if 0.0 < factor < np.inf else []
+    if not factor > 0.0:
+        return factor, ()
+    with_it = min(factor, LARGEST_SCALE)
     _, first = _first(analysis, of_pgv=of_pgv)
-    chance, name = _toppled_by(analysis, first, min(factor, LARGEST_SCALE))
-    if not factor > 1.0 or chance < WEAK[0]:
-        return factor, said
-    is_known = chance < WEAK[1]
-    late = f"the factor on the mean curve{f', {factor:.3g},' if is_known else ''} "
-    late += "may be too large" if is_known else "is not known"
-    late += f": with it {chance:.0%} of the shaking of their first level, {in_g(first):.3g} g, "
-    late += f"topples {name}, and weaker shaking is left out"
-    return factor if is_known else np.nan, (*said, late)
+    chance, name = _toppled_by(analysis, first, with_it)
+    weak = f"{chance:.0%} of the shaking of their first level, {in_g(first):.3g} g, topples {name}"
+    share, given = _open_most(analysis, with_it)
+    is_known = True
+    for part, limits, off, why in (
+        (chance * (factor > 1.0), WEAK, "too large", f"{weak}, and weaker shaking is left out"),
+        (share, OFF, "far off", f"there are {given}"),
+    ):
+        if part >= limits[1]:
+            said.append(f"the factor on the mean curve is not known: with it {why}")
+            is_known = False
+        elif part >= limits[0]:
+            of = f"the factor on the mean curve, {factor:.3g},"
+            said.append(f"{of} may be {off}: with it {why}")
+    return factor if is_known else np.nan, tuple(said)
 
 
 def _off_with(analysis: SurvivalAnalysis, factor: float) -> Iterator[str]:
@@ -178,16 +188,23 @@ def off_runs(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
     InputError
         If it is most of the shaking of some PGA.
     """
-    shaking = analysis.shaking
-    each = (
-        open_share(stage, rock.name, shaking.table, level)
-        for rock in analysis.rocks
-        for stage in rock.stages
-        for level in _asked(stage, analysis.before, rock.ages)
-    )
-    share, given = max(each, key=itemgetter(0), default=(0.0, ""))
+    share, given = _open_most(analysis)
     line = f"{given}: it counts as of the nearest of them, and survival may be far off"
     return told(share, OFF, line, off_all_runs(origin, given))
+
+
+def _open_most(analysis: SurvivalAnalysis, factor: float = 1.0) -> tuple[float, str]:
+    """Largest share of the shaking, times a factor, that is open of a rock at a PGA; in words."""
+    own, before = analysis.shaking.table, analysis.before
+    table = replace(own, levels=factor * own.levels)
+    curve = replace(before, levels=factor * before.levels)
+    each = (
+        open_share(stage, rock.name, table, level)
+        for rock in analysis.rocks
+        for stage in rock.stages
+        for level in _asked(stage, curve, rock.ages)
+    )
+    return max(each, key=itemgetter(0), default=(0.0, ""))
 
 
 def off_all_runs(origin: Origin, given: str) -> Problem:

@@ -242,6 +242,21 @@ def test_a_factor_that_hangs_on_what_was_not_tried() -> None:
         )
 
 
+@pytest.mark.parametrize(
+    ("ratios", "told"),
+    [([0.05, 0.1, 0.2], ""), ([0.15], "may be far off"), ([0.2], "is not known")],
+)
+def test_a_factor_of_shaking_that_no_run_is_near(ratios: list[float], told: str) -> None:
+    """Which is too weak to topple the rock; times 27, 56 or 81 % is too short by 1.41."""
+    rows = replace(rows_from(ratios, [0.5] * len(ratios)), static=0.4)
+    # 1e-6 (PGA / g)^-2 is once in 1000 years at 0.032 g, and 1 % at 0.32 g
+    analysis = of_curves(model(1e-6), DatedRock("rock", rows, np.array([1e3])))
+    assert off_runs(analysis, Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))) == ()
+    found, words = of_scale(analysis, 27.0, of_pgv=False)
+    assert math.isnan(found) is (told == "is not known")
+    assert [told in one for one in words] == [True] * bool(told)
+
+
 @pytest.mark.parametrize(("last", "told"), [(0.4, 1), (1.2, 0)])
 def test_a_factor_of_curves_that_end_early(last: float, told: int) -> None:
     """A rock that topples from 0.5 g on: times 0.5, all that does is beyond 0.4 g, not 1.2 g."""
