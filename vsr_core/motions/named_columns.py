@@ -147,13 +147,13 @@ def refuse_lost_exponents(words: Sequence[str], values: Array) -> None:
 
 
 def plain_number(word: str) -> float:
-    """The number that a word of a file is; one with underscores is none, as Python would have it.
+    """The number that a word of a file is; Python's own takes underscores, and other digits.
 
     Raises
     ------
     ValueError
     """
-    if "_" in word:
+    if "_" in word or not word.isascii():
         raise ValueError(f"could not convert string to float: {word!r}")
     return float(word)
 

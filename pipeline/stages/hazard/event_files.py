@@ -25,6 +25,7 @@ from pipeline.workflow.grammar import counted
 from pipeline.workflow.keys import check_same, digest_file
 from vsr_core.arrays import Array, Indices
 from vsr_core.hazard.events import Events, Ruptures, distance_of
+from vsr_core.motions.named_columns import plain_number
 
 LOWEST, STEP = 0.005, 1.05
 """Least PGA of a curve of events [g], and the factor between its levels."""
@@ -107,7 +108,7 @@ def _years(told: EventTables, given: float | None) -> float:
         return given
     one, number = told.times
     try:
-        years = float(one) * float(number)
+        years = plain_number(one) * plain_number(number)
     except ValueError:
         years = float("nan")
     if not 0.0 < years < 1e12:

@@ -27,7 +27,7 @@ from pipeline.stages.hazard.hazard_model import LEVELS, Realization
 NEEDED, MORE = ("gmf-data", "events", "realizations"), ("ruptures", "sitemesh")
 """Files of a folder that have to be there, and that may be."""
 
-_TIMES = {name: re.compile(rf"\b{name}\s*=\s*([^\s,'\"]+)")
+_TIMES = {name: re.compile(rf"\b{name}{openquake.STATED}")
           for name in ("investigation_time", "ses_per_logic_tree_path")}  # fmt: skip
 
 _Id = Field(ge=0, le=2**62)

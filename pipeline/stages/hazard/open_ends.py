@@ -14,7 +14,7 @@ from pipeline.config.layers import Origin
 from pipeline.config.problems import InputError, Problem
 from pipeline.stages.hazard.rock_fragility import RockFragility
 from pipeline.stages.hazard.sensitivity import Case
-from pipeline.stages.hazard.survival_analysis import BranchResults, SurvivalAnalysis
+from pipeline.stages.hazard.survival_analysis import BranchResults, DatedRock, SurvivalAnalysis
 from vsr_core.arrays import Array
 from vsr_core.hazard.curve import HazardCurve
 from vsr_core.hazard.ratio import RatioTable
@@ -31,16 +31,10 @@ WEAK = 0.01, 0.2
 survival was 1.13 times as large as with all shaking, with 0.30 1.7 times, with 0.37 3.3 times; with
 0.23 the rate of toppling was half."""
 
-OFF = 0.1, 0.6
-"""The same of shaking that is open, as no run is near to its PGV/PGA: with 0.34, of the PGA that is
-exceeded once, survival was 0.007, not 0.052, with 0.36 it was 0.32, with 0.72 it was 1."""
-
-TO_TWICE = np.array([1.0, 1.4, 2.0])
-"""Factors on a PGA of which that share is asked; the largest share counts."""
-
-LIKELY = 0.01
-"""How often, on average, a PGA is exceeded within the age, or by an earthquake, of which it is
-asked."""
+OFF = 0.2, 2.0
+"""The same of numbers of earthquakes within an age that are open, as no run is near to their
+PGV/PGA: with 0.43 survival was 0.18, not 0.28, with 1.0 it was 0.39, not 0.25, with 4.0 0.20, not
+0.02. Of shipped sites and of dense grids they are below 0.19."""
 
 NEAR = np.array([0.5, 2.0]) ** 0.5
 """Factors to the ends of what a PGV/PGA of runs stands for, where each is twice the one before."""
@@ -145,11 +139,11 @@ def of_scale(
     _, first = _first(analysis, of_pgv=of_pgv)
     chance, name = _toppled_by(analysis, first, with_it)
     weak = f"{chance:.0%} of the shaking of their first level, {in_g(first):.3g} g, topples {name}"
-    share, given = _open_most(analysis, with_it)
+    number, given, _ = _most_open(analysis, with_it)
     is_known = True
     for part, limits, off, why in (
         (chance * (factor > 1.0), WEAK, "too large", f"{weak}, and weaker shaking is left out"),
-        (share, OFF, "far off", f"there are {given}"),
+        (number, OFF, "far off", f"there are {given}"),
     ):
         if part >= limits[1]:
             said.append(f"the factor on the mean curve is not known: with it {why}")
@@ -181,74 +175,84 @@ _TWICE = 2.0
 
 
 def off_runs(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
-    """That whether much of the shaking topples a rock is open, as no run is of its PGV/PGA.
+    """That whether earthquakes topple a rock is open, as no run is of their PGV/PGA.
 
     Raises
     ------
     InputError
-        If it is most of the shaking of some PGA.
+        If they are many.
     """
-    share, given = _open_most(analysis)
-    line = f"{given}: it counts as of the nearest of them, and survival may be far off"
-    return told(share, OFF, line, off_all_runs(origin, given))
+    number, given, key = _most_open(analysis)
+    line = f"{given}: each counts as of the nearest run, and survival may be far off"
+    return told(number, OFF, line, off_all_runs(origin, given, key))
 
 
-def _open_most(analysis: SurvivalAnalysis, factor: float = 1.0) -> tuple[float, str]:
-    """Largest share of the shaking, times a factor, that is open of a rock at a PGA; in words."""
+def off_all_runs(origin: Origin, given: str, key: str = "motion") -> Problem:
+    """The refusal of runs that are near to too little of the shaking."""
+    rule = f"runs are of the PGV/PGA of all but {OFF[1]:g} earthquakes within an age"
+    return Problem(origin.file_of(key), key, given, rule, "set more of them")
+
+
+def _most_open(analysis: SurvivalAnalysis, factor: float = 1.0) -> tuple[float, str, str]:
+    """Number of earthquakes, times a factor, that are open of a rock, in words, and its key."""
     own, before = analysis.shaking.table, analysis.before
     table = replace(own, levels=factor * own.levels)
     curve = replace(before, levels=factor * before.levels)
-    each = (
-        open_share(stage, rock.name, table, level)
-        for rock in analysis.rocks
-        for stage in rock.stages
-        for level in _asked(stage, curve, rock.ages)
-    )
-    return max(each, key=itemgetter(0), default=(0.0, ""))
+    found = []
+    for at, rock in enumerate(analysis.rocks):
+        ends = [0.0, *(until.mean() for _, until in rock.earlier), rock.ages.mean()]
+        for stage, years, name in zip(rock.stages, np.diff(ends), _names(rock), strict=True):
+            key = "hazard.rocks" if at else "motion" if name == rock.name else "hazard.history"
+            found.append((*_open_in(stage, name, table, curve, years), key))
+    return max(found, key=itemgetter(0))
 
 
-def off_all_runs(origin: Origin, given: str) -> Problem:
-    """The refusal of runs none of which is near to most of the shaking."""
-    rule = "runs are of the PGV/PGA of most of the shaking"
-    return Problem(origin.file_of("motion"), "motion", given, rule, "set more of them")
+def _names(rock: DatedRock) -> Iterator[str]:
+    """Of the rock as it stands now, and in its earlier stages."""
+    yield rock.name
+    yield from (f"{rock.name} in an earlier stage" for _ in rock.earlier)
 
 
-def _asked(one: RockFragility, curve: HazardCurve, ages: Array) -> Array:
-    """PGA [m/s^2] that is exceeded once within an age [year], and others that matter then."""
-    once = curve.level_at(float(np.clip(1.0 / ages.mean(), *curve.rates[[-1, 0]])))
-    levels = levels_asked(one)
-    likely = np.append(once, levels[curve.rate_at(levels) * ages.mean() >= LIKELY])
-    return likely[likely >= acceleration(one.static)]
+def _open_in(
+    one: RockFragility, name: str, table: RatioTable, curve: HazardCurve, years: float
+) -> tuple[float, str]:
+    """Mean number of earthquakes in some years that are open of a rock; and in words."""
+    least = max(acceleration(one.static), curve.levels[0])
+    if least >= curve.levels[-1]:
+        return 0.0, ""
+    levels = np.append(np.geomspace(least, curve.levels[-1], _PARTS)[:-1], curve.levels[-1])
+    return open_number(one, name, table, levels, years * curve.rate_at(levels))
 
 
-def levels_asked(one: RockFragility) -> Array:
-    """PGA [m/s^2] at which shorter or longer shaking may matter most.
-
-    From the static one, and from the least that topples half of a rock in some run, to twice as
-    much.
-    """
-    low, high = acceleration(np.array(one.tested))
-    tried = np.geomspace(low, high, 200)
-    half = tried[one.mean(tried).max(axis=0) >= 0.5][:1]
-    starts = np.append(acceleration(one.static), half)
-    return np.outer(starts[starts > 0.0], TO_TWICE).ravel()
+_PARTS = 200
+"""Levels of PGA over which what is open is summed up."""
 
 
-def open_share(one: RockFragility, name: str, table: RatioTable, level: float) -> tuple[float, str]:
-    """Share of the shaking of a PGA [m/s^2] of which it is open whether it topples; and in words.
+def open_number(
+    one: RockFragility, name: str, table: RatioTable, levels: Array, exceeded: Array
+) -> tuple[float, str]:
+    """Mean number of earthquakes of which it is open whether they topple a rock; and in words.
 
     What no run is near to is shorter than the first of them and topples it less often, or is
     longer than the last and topples it more often, or between two of them in both.
+
+    Parameters
+    ----------
+    levels : ndarray, shape (n,) [m/s^2], ascending
+    exceeded : ndarray, shape (n,), how often each of them is, on average
     """
-    (median,), (log_sd,) = table.at(np.array([level]))
-    ends = ndtr(np.log(np.multiply.outer(one.ratios, NEAR) / median) / log_sd).ravel()
-    gaps = np.maximum(np.diff(ends, prepend=0.0, append=1.0)[::2], 0.0)
-    changes = np.diff(one.mean(np.array([level]))[:, 0], prepend=0.0, append=1.0)
-    share = float(gaps @ np.abs(changes))
-    return share, (
-        f"runs of {name} at {len(one.ratios)} PGV/PGA, {one.ratios[0]:.3g} to "
-        f"{one.ratios[-1]:.3g} s, that are more than a factor of {NEAR[1]:.2g} off {share:.0%} of "
-        f"the shaking of {in_g(level):.3g} g, whose median is {median:.3g} s"
+    medians, log_sds = table.at(levels)
+    ends = np.log(np.multiply.outer(one.ratios, NEAR).ravel()[:, None] / medians) / log_sds
+    gaps = np.diff(ndtr(ends), prepend=0.0, append=1.0, axis=0)[::2]
+    changes = np.diff(one.mean(levels), prepend=0.0, append=1.0, axis=0)
+    shares = (np.maximum(gaps, 0.0) * np.abs(changes)).sum(axis=0)
+    number = 0.5 * (shares[1:] + shares[:-1]) @ -np.diff(exceeded) + shares[-1] * exceeded[-1]
+    at = int(np.argmax(shares * exceeded))
+    return float(number), (
+        f"earthquakes whose PGV/PGA is more than a factor of {NEAR[1]:.2g} off all runs of {name} "
+        f"({len(one.ratios)}, from {one.ratios[0]:.3g} to {one.ratios[-1]:.3g} s), {number:.2g} on "
+        f"average, as {shares[at]:.0%} of the shaking of {in_g(levels[at]):.3g} g, whose median is "
+        f"{medians[at]:.3g} s"
     )
 
 

@@ -9,14 +9,7 @@ from scipy.special import ndtr
 
 from pipeline.config.in_si import acceleration
 from pipeline.config.layers import Origin
-from pipeline.stages.hazard.open_ends import (
-    LIKELY,
-    OFF,
-    levels_asked,
-    off_all_runs,
-    open_share,
-    told,
-)
+from pipeline.stages.hazard.open_ends import OFF, off_all_runs, open_number, told
 from pipeline.stages.hazard.rock_fragility import RockFragility
 from vsr_core.arrays import Array
 from vsr_core.hazard.ratio import RatioTable
@@ -40,13 +33,13 @@ def open_faults(
     Raises
     ------
     InputError
-        If most of it is.
+        If so much is that survival may be any.
     """
     found: list[str] = []
-    for name, (share, given) in zip(names, _open(rock, shaking, often), strict=True):
-        said = f"{given} by {name}"
-        line = f"{said}: it counts as of the nearest of them"
-        found += told(share, OFF, line, off_all_runs(origin, said))
+    for name, (number, given) in zip(names, _open(rock, shaking, often), strict=True):
+        said = f"{given}, by {name}"
+        line = f"{said}: each counts as of the nearest run"
+        found += told(number, OFF, line, off_all_runs(origin, said))
     return tuple(found)
 
 
@@ -59,27 +52,31 @@ def open_magnitudes(rock: RockFragility, shaking: Shaking, magnitudes: Array) ->
     magnitudes : ndarray, shape (n,), of each of them
     """
     found = _open(rock, shaking, [1.0] * len(magnitudes))
-    open_ones = [at for at, (share, _) in enumerate(found) if share >= OFF[0]]
+    open_ones = [at for at, (share, _) in enumerate(found) if share >= _TOLD]
     if not open_ones:
         return ()
     worst = max(open_ones, key=lambda at: found[at][0])
     low, high = magnitudes[open_ones].min(), magnitudes[open_ones].max()
     span = f"M {low:.1f}" if low == high else f"M {low:.1f} to {high:.1f}"
-    given = f"{found[worst][1]} by M {magnitudes[worst]:.1f}"
+    given = f"{found[worst][1]}, by M {magnitudes[worst]:.1f}"
     return (f"least distances of {span} may be far off: {given}",)
 
 
 def _open(rock: RockFragility, shaking: Shaking, often: Sequence[float]) -> list[tuple[float, str]]:
-    """Share of each earthquake's shaking that is open at some PGA, and that in words."""
-    found, toppling = [], levels_asked(rock)
+    """How many earthquakes of each kind are open, of so many on average, and that in words."""
+    found, static = [], acceleration(rock.static)
     for one, number in zip(shaking.parted(1), often, strict=True):
-        asked = np.append(np.exp(one.pga), toppling)
-        exceeded = max(number, 1.0) * ndtr((one.pga - np.log(asked)) / one.pga_sd)
-        medians, log_sds = ratios_given(one, asked)
-        each = [
-            open_share(rock, "the rock", RatioTable(asked[[at]], medians[0, [at]], log_sds), level)
-            for at, level in enumerate(asked)
-            if exceeded[at] >= LIKELY and level >= acceleration(rock.static)
-        ]
-        found.append(max(each, default=(0.0, "")))
+        least, last = np.exp(one.pga + _REACH * one.pga_sd * [[-1.0], [1.0]]).ravel()
+        levels = np.geomspace(max(least, static), max(last, 1.01 * static), 200)
+        exceeded = number * ndtr((one.pga - np.log(levels)) / one.pga_sd)
+        medians, log_sds = ratios_given(one, levels)
+        table = RatioTable(levels, medians[0], np.broadcast_to(log_sds, levels.shape))
+        found.append(open_number(rock, "the rock", table, levels, exceeded))
     return found
+
+
+_TOLD = 0.1
+"""Share of the earthquakes at a least distance that are open, from which on it is told."""
+
+_REACH = 4.0
+"""Standard deviations to each side of the median PGA that are looked at."""

@@ -56,7 +56,10 @@ SUFFIXES = (".hdf5", ".h5")
 
 _STORED, _STATISTICS = "hcurves-rlzs", "hcurves-stats"
 _NAME = re.compile(r"hazard_curve-(mean|rlz-(\d+))-(\w+?)(?:_\d+)?\.csv")
-YEARS = re.compile(r"\binvestigation_time\s*=\s*([^\s,'\"]+)")
+STATED = r"\s*=\s*((?:[^\s,'\"]|,(?=\d))+)"
+"""What a first line says of a name, with a decimal comma, which is no number."""
+
+YEARS = re.compile(rf"\binvestigation_time{STATED}")
 _MEASURE = re.compile(r"imt\s*=\s*['\"]*([A-Za-z]+(?:\([^)]*\))?)")
 _KINDS = r"(?:mean|max|std|quantile|rlz)[\w.-]*"
 _KIND = re.compile(rf"(?:^[#\",\s]*(?={_KINDS}\s*,)|kind\s*=\s*['\"]*)([\w.-]+)")

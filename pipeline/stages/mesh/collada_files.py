@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable
 from functools import cache
@@ -25,6 +26,11 @@ _MOVES = {name: f"{number} numbers" for name, number in _NUMBERS.items()} | {
     "rotate": "4 numbers: an axis of length 1, and degrees",
 }
 """What moves a node."""
+
+_OF_NODES = {"asset", "lookat", "skew", "node", "extra", *_NUMBERS} | {
+    f"instance_{kind}" for kind in ("camera", "controller", "geometry", "light", "node")
+}
+"""What stands in a node (COLLADA 1.4.1, Khronos Group 2008)."""
 
 _OFF_ONE = 1e-4
 """Rounding of the length of an axis; by a longer one pycollada enlarges the rock."""
@@ -83,7 +89,7 @@ def _name(one: Element) -> str:
 
 
 def _words(one: Element) -> list[str]:
-    return (one.text or "").split()
+    return re.findall(r"[^ \t\r\n]+", one.text or "")
 
 
 def _check_unit(tree: Element) -> None:
@@ -144,6 +150,9 @@ def _check_names(tree: Element) -> None:
 def _check_moves(node: Element) -> None:
     for one in node:
         name = _name(one)
+        if name not in _OF_NODES:
+            given, rule = f"a node with a {name[:40]!r}", "a node has none"
+            raise InvalidInput(given, rule, "export it again")
         if name == "skew" or (name == "lookat" and _shapes_under(node)):
             rule = "it is turned, scaled and moved only"
             raise InvalidInput(f"a node with a {name}", rule, "export it without")
@@ -163,10 +172,11 @@ def _is_move(name: str, words: list[str]) -> bool:
 
 
 def _is_number(word: str) -> bool:
-    try:
-        return math.isfinite(float(word))
-    except ValueError:
-        return False
+    """Whether it is one to every reader; Python's own takes underscores, and other digits."""
+    return _NUMBER.fullmatch(word) is not None and math.isfinite(float(word))
+
+
+_NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 def _require_faces(tree: Element, found: Any) -> Counter[str]:

@@ -5,6 +5,7 @@ By "PLY - Polygon File Format" (Turk, 1994).
 
 from __future__ import annotations
 
+import re
 from array import array
 from functools import partial
 from itertools import accumulate, takewhile
@@ -114,6 +115,23 @@ def _require_lines(file: BinaryIO, elements: list[_Element]) -> None:
             what = b" ".join(odd)[:40].decode("latin-1")
             given = f"a file of a line {what!r} of other numbers than its header says"
             raise InvalidInput(given, _RULE, "export it again")
+        if not one.lists:
+            _require_whole(own, one)
+
+
+def _require_whole(lines: list[list[bytes]], element: _Element) -> None:
+    """Refuse coordinates that are no such whole numbers as the header says."""
+    for at, part in enumerate(element.parts):
+        if part.name in "xyz" and part.kind.kind in "iu":
+            low, high = np.iinfo(part.kind).min, np.iinfo(part.kind).max
+            for line in lines:
+                if not (_WHOLE.fullmatch(line[at]) and low <= int(line[at]) <= high):
+                    given = f"{part.name} of {line[at][:40].decode('latin-1')!r}"
+                    rule = f"it is a whole number, as the header says, from {low} to {high}"
+                    raise InvalidInput(given, rule, "say float in the header, or export it again")
+
+
+_WHOLE = re.compile(rb"[+-]?[0-9]+")
 
 
 def _numbers(line: list[bytes], lists: list[bool]) -> bool:

@@ -144,6 +144,9 @@ _KNET_SIZE = re.compile(
 )
 
 
+_KNET_SAMPLE = re.compile("[+-]?[0-9]+")
+
+
 def _checked_rate_of_knet(content: bytes) -> float:
     """Samples per second [Hz] by the header of a K-NET file, if it is whole.
 
@@ -152,9 +155,10 @@ def _checked_rate_of_knet(content: bytes) -> float:
     lines = content.decode("latin-1").splitlines()
     said = dict(_KNET_SIZE.findall("\n".join(lines[:_KNET_HEADER])))
     samples = [line.rstrip() for line in lines[_KNET_HEADER:]]
-    if joined := next((line for line in samples if "_" in line), None):
-        given = f"a K-NET file with {joined.strip()[:40]!r} among its samples"
-        raise InvalidInput(given, "they are numbers", "download it again")
+    words = (word for line in samples for word in line.split(" ") if word)
+    if odd := next((word for word in words if not _KNET_SAMPLE.fullmatch(word)), None):
+        given = f"a K-NET file with {odd[:40]!r} among its samples"
+        raise InvalidInput(given, "they are whole numbers", "download it again")
     number = sum(len(line.split()) for line in samples)
     rate = float(said.get("Sampling Freq(Hz)", "nan"))
     wanted = float(said.get("Duration Time(s)", "nan")) * rate

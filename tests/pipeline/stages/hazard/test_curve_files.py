@@ -163,6 +163,7 @@ def test_a_mean_curve_that_is_none_of_the_realizations_is_told(
             "got a site, depth 0, and elsewhere a site, depth 10",
         ),
         (FIRST, "investigation_time=50.0", "investigation_time=1e-300", "years: got '1e-300'"),
+        (FIRST, "investigation_time=50.0", "investigation_time=50,0", "years: got '50,0'"),
         (FIRST, "investigation_time=50.0", "investigation_time=5.0", "50 years, and elsewhere 5"),
         (FIRST, "poe-0.1000000", "poe-nan", "levels.1: got 'nan'"),
         (FIRST, "poe-0.1000000", "SA(0.2)-0.1", "poe-0.1 for a level of PGA"),

@@ -551,6 +551,17 @@ def test_events_in_the_years_of_another_realization_are_told(
     assert sum(said in line for line in lines) == told, lines
 
 
+@pytest.mark.parametrize("number", ["20_00", "2000,5", "\N{FULLWIDTH DIGIT TWO}000"])
+def test_an_effective_time_is_a_number(tmp_path: Path, number: str) -> None:
+    """As the first line writes it, and no part of that."""
+    folder = EventSet(2_000.0).write(tmp_path)
+    path = folder / "ruptures_1.csv"
+    text = path.read_text(encoding="utf-8").replace("path=2000", f"path={number}")
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"investigation_time: got .* are numbers above 0"):
+        event_files.load(folder, None)
+
+
 def test_an_effective_time_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     """One that the header contradicts, and one of which the years fill a fifth."""
     folder = EventSet(2_000.0).write(tmp_path)

@@ -290,6 +290,10 @@ def test_a_shape_does_not_need_its_material(
         ("<matrix>.5 0 0 0 0 .5 0 0 0 0 .5 0 0 0 0 2</matrix>", "the last of them 0 0 0 1"),
         ("<scale>0.5 0.5</scale>", "scale of '0.5 0.5'; it has 3 numbers"),
         ("<scale>0.5 0.5 x</scale>", "3 numbers"),
+        ("<scale>0_5 1 1</scale>", "3 numbers"),  # all of which Python reads
+        ("<scale>0.5\N{NO-BREAK SPACE}1 1</scale>", "3 numbers"),
+        ("<rotate>0 0 1 \N{FULLWIDTH DIGIT THREE}0</rotate>", "4 numbers"),
+        ("<scalf>2 2 2</scalf>", "a node with a 'scalf'; a node has none"),
         ("<translate>1 0 nan</translate>", "3 numbers"),
         ("<rotate>0 0 2 90</rotate>", "an axis of length 1"),
         ("<skew>30 1 0 0 0 1 0</skew>", "with a skew"),
@@ -552,6 +556,25 @@ def test_morph_targets_without_weight_are_read(tmp_path: Path) -> None:
     glb(tmp_path / "rock.glb", unused)
     found = mesh_files.read(tmp_path / "rock.glb")
     assert found.volume == pytest.approx(ball().volume, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "told"),
+    [("int", "1.5", "x of '1.5'"), ("char", "150", "from -128 to 127"), ("int", "1", "")],
+)
+def test_coordinates_of_text_are_whole_numbers_where_its_header_says_so(
+    tmp_path: Path, kind: str, value: str, told: str
+) -> None:
+    """A prism of four corners, one of which would be cut, or wrap round."""
+    head = f"ply\nformat ascii 1.0\nelement vertex 4\nproperty {kind} x\nproperty float y\n"
+    head += "property float z\nelement face 4\nproperty list uchar int vertex_indices\nend_header\n"
+    faces = "3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
+    (tmp_path / "rock.ply").write_text(f"{head}0 0 0\n{value} 0 0\n0 1.5 0\n0 0 2.5\n{faces}")
+    if told:
+        with pytest.raises(InvalidInput, match=told):
+            mesh_files.read(tmp_path / "rock.ply")
+    else:
+        assert mesh_files.read(tmp_path / "rock.ply").volume == pytest.approx(1.5 * 2.5 / 6.0)
 
 
 @pytest.mark.parametrize("unit", ["metre", 5, "0 * m", "nan * m", ["m"]])

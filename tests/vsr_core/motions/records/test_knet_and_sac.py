@@ -154,13 +154,16 @@ def sac_text() -> str:
     return content.getvalue().decode()
 
 
-def test_a_sample_of_knet_has_no_underscore() -> None:
+@pytest.mark.parametrize("damaged", [r"\1_\2", r"\1.\2", r"\1\2e1"])
+def test_a_sample_of_knet_is_a_whole_number(damaged: str) -> None:
     """Python reads 12_00 as 1200."""
     pytest.importorskip("obspy")
     text = files.knet(VALUES, STEP)
     at = text.index("Memo.") + 9
-    changed = text[:at] + re.sub(r"(\d)(\d)", r"\1_\2", text[at:], count=1)
-    refusal(lambda: read(changed.encode(), ".NS", PLAIN), "among its samples; they are numbers")
+    changed = text[:at] + re.sub(r"(\d)(\d)", damaged, text[at:], count=1)
+    refusal(
+        lambda: read(changed.encode(), ".NS", PLAIN), "among its samples; they are whole numbers"
+    )
 
 
 def test_miniseed_and_sac_by_obspy(tmp_path: Path) -> None:
