@@ -7,17 +7,13 @@ from dataclasses import replace
 from operator import itemgetter
 
 import numpy as np
-from scipy.special import ndtr
 
-from pipeline.config.in_si import acceleration, in_g
+from pipeline.config.in_si import in_g
 from pipeline.config.layers import Origin
 from pipeline.config.problems import InputError, Problem
-from pipeline.stages.hazard.rock_fragility import RockFragility
+from pipeline.stages.hazard.open_runs import OFF, most_open, off_runs, told
 from pipeline.stages.hazard.sensitivity import Case
-from pipeline.stages.hazard.survival_analysis import BranchResults, DatedRock, SurvivalAnalysis
-from vsr_core.arrays import Array
-from vsr_core.hazard.curve import HazardCurve
-from vsr_core.hazard.ratio import RatioTable
+from pipeline.stages.hazard.survival_analysis import BranchResults, SurvivalAnalysis
 from vsr_core.hazard.shaking import REACH, CurveShaking, EventShaking
 from vsr_core.hazard.survival import LARGEST_SCALE
 from vsr_core.hazard.toppling import averaged
@@ -30,14 +26,6 @@ WEAK = 0.01, 0.2
 """The same of probabilities of toppling at the least PGA, as weaker shaking is left out: with 0.03
 survival was 1.13 times as large as with all shaking, with 0.30 1.7 times, with 0.37 3.3 times; with
 0.23 the rate of toppling was half."""
-
-OFF = 0.2, 2.0
-"""The same of numbers of earthquakes within an age that are open, as no run is near to their
-PGV/PGA: with 0.43 survival was 0.18, not 0.28, with 1.0 it was 0.39, not 0.25, with 4.0 0.20, not
-0.02. Of shipped sites and of dense grids they are below 0.19."""
-
-NEAR = np.array([0.5, 2.0]) ** 0.5
-"""Factors to the ends of what a PGV/PGA of runs stands for, where each is twice the one before."""
 
 
 def open_ends(
@@ -58,21 +46,8 @@ def open_ends(
         *left_open(analysis, results, origin, of_pgv=of_pgv),
         *untested(analysis, results, origin),
         *begun_late(analysis, origin, of_pgv=of_pgv),
-        *off_runs(analysis, origin),
+        *off_runs(analysis, results, origin),
     )
-
-
-def told(share: float, limits: tuple[float, float], line: str, refusal: Problem) -> tuple[str, ...]:
-    """A line on what is not known, where the share that rests on it reaches the first limit.
-
-    Raises
-    ------
-    InputError
-        Where it reaches the second.
-    """
-    if share >= limits[1]:
-        raise InputError(refusal)
-    return (line,) if share >= limits[0] else ()
 
 
 def begun_late(
@@ -139,7 +114,7 @@ def of_scale(
     _, first = _first(analysis, of_pgv=of_pgv)
     chance, name = _toppled_by(analysis, first, with_it)
     weak = f"{chance:.0%} of the shaking of their first level, {in_g(first):.3g} g, topples {name}"
-    number, given, _ = _most_open(analysis, with_it)
+    number, given, _ = most_open(analysis, with_it)
     is_known = True
     for part, limits, off, why in (
         (chance * (factor > 1.0), WEAK, "too large", f"{weak}, and weaker shaking is left out"),
@@ -172,88 +147,6 @@ def _off_with(analysis: SurvivalAnalysis, factor: float) -> Iterator[str]:
 
 _TWICE = 2.0
 """Times the survival with a factor from which on that is told to be too small."""
-
-
-def off_runs(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
-    """That whether earthquakes topple a rock is open, as no run is of their PGV/PGA.
-
-    Raises
-    ------
-    InputError
-        If they are many.
-    """
-    number, given, key = _most_open(analysis)
-    line = f"{given}: each counts as of the nearest run, and survival may be far off"
-    return told(number, OFF, line, off_all_runs(origin, given, key))
-
-
-def off_all_runs(origin: Origin, given: str, key: str = "motion") -> Problem:
-    """The refusal of runs that are near to too little of the shaking."""
-    rule = f"runs are of the PGV/PGA of all but {OFF[1]:g} earthquakes within an age"
-    return Problem(origin.file_of(key), key, given, rule, "set more of them")
-
-
-def _most_open(analysis: SurvivalAnalysis, factor: float = 1.0) -> tuple[float, str, str]:
-    """Number of earthquakes, times a factor, that are open of a rock, in words, and its key."""
-    own, before = analysis.shaking.table, analysis.before
-    table = replace(own, levels=factor * own.levels)
-    curve = replace(before, levels=factor * before.levels)
-    found = []
-    for at, rock in enumerate(analysis.rocks):
-        ends = [0.0, *(until.mean() for _, until in rock.earlier), rock.ages.mean()]
-        for stage, years, name in zip(rock.stages, np.diff(ends), _names(rock), strict=True):
-            key = "hazard.rocks" if at else "motion" if name == rock.name else "hazard.history"
-            found.append((*_open_in(stage, name, table, curve, years), key))
-    return max(found, key=itemgetter(0))
-
-
-def _names(rock: DatedRock) -> Iterator[str]:
-    """Of the rock as it stands now, and in its earlier stages."""
-    yield rock.name
-    yield from (f"{rock.name} in an earlier stage" for _ in rock.earlier)
-
-
-def _open_in(
-    one: RockFragility, name: str, table: RatioTable, curve: HazardCurve, years: float
-) -> tuple[float, str]:
-    """Mean number of earthquakes in some years that are open of a rock; and in words."""
-    least = max(acceleration(one.static), curve.levels[0])
-    if least >= curve.levels[-1]:
-        return 0.0, ""
-    levels = np.append(np.geomspace(least, curve.levels[-1], _PARTS)[:-1], curve.levels[-1])
-    return open_number(one, name, table, levels, years * curve.rate_at(levels))
-
-
-_PARTS = 200
-"""Levels of PGA over which what is open is summed up."""
-
-
-def open_number(
-    one: RockFragility, name: str, table: RatioTable, levels: Array, exceeded: Array
-) -> tuple[float, str]:
-    """Mean number of earthquakes of which it is open whether they topple a rock; and in words.
-
-    What no run is near to is shorter than the first of them and topples it less often, or is
-    longer than the last and topples it more often, or between two of them in both.
-
-    Parameters
-    ----------
-    levels : ndarray, shape (n,) [m/s^2], ascending
-    exceeded : ndarray, shape (n,), how often each of them is, on average
-    """
-    medians, log_sds = table.at(levels)
-    ends = np.log(np.multiply.outer(one.ratios, NEAR).ravel()[:, None] / medians) / log_sds
-    gaps = np.diff(ndtr(ends), prepend=0.0, append=1.0, axis=0)[::2]
-    changes = np.diff(one.mean(levels), prepend=0.0, append=1.0, axis=0)
-    shares = (np.maximum(gaps, 0.0) * np.abs(changes)).sum(axis=0)
-    number = 0.5 * (shares[1:] + shares[:-1]) @ -np.diff(exceeded) + shares[-1] * exceeded[-1]
-    at = int(np.argmax(shares * exceeded))
-    return float(number), (
-        f"earthquakes whose PGV/PGA is more than a factor of {NEAR[1]:.2g} off all runs of {name} "
-        f"({len(one.ratios)}, from {one.ratios[0]:.3g} to {one.ratios[-1]:.3g} s), {number:.2g} on "
-        f"average, as {shares[at]:.0%} of the shaking of {in_g(levels[at]):.3g} g, whose median is "
-        f"{medians[at]:.3g} s"
-    )
 
 
 def left_open(
@@ -344,7 +237,7 @@ def open_cases(
         if case.name in compared:
             try:
                 doubts = (
-                    *off_runs(case.analysis, origin),
+                    *off_runs(case.analysis, case.results, origin),
                     *untested(case.analysis, case.results, origin),
                 )
             except InputError as error:

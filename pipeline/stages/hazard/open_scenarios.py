@@ -9,7 +9,7 @@ from scipy.special import ndtr
 
 from pipeline.config.in_si import acceleration
 from pipeline.config.layers import Origin
-from pipeline.stages.hazard.open_ends import OFF, off_all_runs, open_number, told
+from pipeline.stages.hazard.open_runs import OFF, Open, in_words, off_all_runs, open_number, told
 from pipeline.stages.hazard.rock_fragility import RockFragility
 from vsr_core.arrays import Array
 from vsr_core.hazard.ratio import RatioTable
@@ -36,8 +36,15 @@ def open_faults(
         If so much is that survival may be any.
     """
     found: list[str] = []
-    for name, (number, given) in zip(names, _open(rock, shaking, often), strict=True):
-        said = f"{given}, by {name}"
+    each = list(zip(names, _open(rock, shaking, often), strict=True))
+    groups = [[one for one in each if one[0] == name] for name in dict.fromkeys(names)]
+    for group in [*groups, each]:
+        number = sum(one.number for _, one in group)
+        if group is each and found:  # some of which are told
+            continue
+        _, worst = max(group, key=lambda one: one[1].number)
+        by = "all faults together" if group is each else group[0][0]
+        said = f"{in_words(rock, 'the rock', number, worst)}, by {by}"
         line = f"{said}: each counts as of the nearest run"
         found += told(number, OFF, line, off_all_runs(origin, said))
     return tuple(found)
@@ -52,18 +59,19 @@ def open_magnitudes(rock: RockFragility, shaking: Shaking, magnitudes: Array) ->
     magnitudes : ndarray, shape (n,), of each of them
     """
     found = _open(rock, shaking, [1.0] * len(magnitudes))
-    open_ones = [at for at, (share, _) in enumerate(found) if share >= _TOLD]
+    open_ones = [at for at, one in enumerate(found) if one.number >= _TOLD]
     if not open_ones:
         return ()
-    worst = max(open_ones, key=lambda at: found[at][0])
+    worst = max(open_ones, key=lambda at: found[at].number)
     low, high = magnitudes[open_ones].min(), magnitudes[open_ones].max()
     span = f"M {low:.1f}" if low == high else f"M {low:.1f} to {high:.1f}"
-    given = f"{found[worst][1]}, by M {magnitudes[worst]:.1f}"
+    given = in_words(rock, "the rock", found[worst].number, found[worst])
+    given += f", by M {magnitudes[worst]:.1f}"
     return (f"least distances of {span} may be far off: {given}",)
 
 
-def _open(rock: RockFragility, shaking: Shaking, often: Sequence[float]) -> list[tuple[float, str]]:
-    """How many earthquakes of each kind are open, of so many on average, and that in words."""
+def _open(rock: RockFragility, shaking: Shaking, often: Sequence[float]) -> list[Open]:
+    """What is open of earthquakes of each kind, of so many on average."""
     found, static = [], acceleration(rock.static)
     for one, number in zip(shaking.parted(1), often, strict=True):
         least, last = np.exp(one.pga + _REACH * one.pga_sd * [[-1.0], [1.0]]).ravel()
@@ -71,7 +79,7 @@ def _open(rock: RockFragility, shaking: Shaking, often: Sequence[float]) -> list
         exceeded = number * ndtr((one.pga - np.log(levels)) / one.pga_sd)
         medians, log_sds = ratios_given(one, levels)
         table = RatioTable(levels, medians[0], np.broadcast_to(log_sds, levels.shape))
-        found.append(open_number(rock, "the rock", table, levels, exceeded))
+        found.append(open_number(rock, table, levels, exceeded))
     return found
 
 

@@ -29,14 +29,8 @@ from pipeline.stages.fragility.summary import SEARCHED
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
 from pipeline.stages.hazard.hazard_page import sentence
-from pipeline.stages.hazard.open_ends import (
-    begun_late,
-    left_open,
-    of_scale,
-    off_runs,
-    open_cases,
-    untested,
-)
+from pipeline.stages.hazard.open_ends import begun_late, left_open, of_scale, open_cases, untested
+from pipeline.stages.hazard.open_runs import off_runs
 from pipeline.stages.hazard.open_scenarios import open_faults, open_magnitudes
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
@@ -252,7 +246,7 @@ def test_a_factor_of_shaking_that_no_run_is_near(ratios: list[float], told: str)
     rows = replace(rows_from(ratios, [0.5] * len(ratios)), static=0.4)
     # 1e-6 (PGA / g)^-2 is once in 1000 years at 0.032 g, and 1 % at 0.32 g
     analysis = of_curves(model(1e-6), DatedRock("rock", rows, np.array([1e3])))
-    assert off_runs(analysis, Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))) == ()
+    assert off(analysis, Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))) == ()
     found, words = of_scale(analysis, 27.0, of_pgv=False)
     assert math.isnan(found) is (told == "is not known")
     assert [told in one for one in words] == [True] * bool(told)
@@ -315,9 +309,9 @@ def test_runs_of_another_pgv_pga_than_the_shaking(
         words = f"{number:.2g} on average, as {share:.0%} of the shaking of 0.316"
         if number > 2.0:
             with pytest.raises(InputError, match=rf"rock\.yaml: motion: .* {words}"):
-                off_runs(analysis, origin)
+                off(analysis, origin)
         else:
-            told = off_runs(analysis, origin)
+            told = off(analysis, origin)
             assert len(told) == (number > 0.2)
             assert all(words in one for one in told)
 
@@ -326,7 +320,7 @@ def test_longer_shaking_is_open_where_the_runs_stand() -> None:
     """All fall at 0.6 g, none below: half of the shaking is longer than 0.0707 sqrt(2) s."""
     origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
     rock = replace(rows_from([0.03, 0.05, 0.0707107], [0.6] * 3), static=0.3)
-    (told,) = off_runs(of_curves(model(1e-4), DatedRock("rock", rock, np.array([1e3]))), origin)
+    (told,) = off(of_curves(model(1e-4), DatedRock("rock", rock, np.array([1e3]))), origin)
     number = 0.5 * 1e3 * 1e-4 * (0.3**-2 - 0.6**-2)
     assert f"{number:.2g} on average, as 50% of the shaking of 0.3 g" in told
 
@@ -341,10 +335,10 @@ def test_shaking_between_runs_is_open_where_one_of_them_topples(
     analysis = of_curves(model(1e-4), rock)
     if refused:
         with pytest.raises(InputError) as caught:
-            off_runs(analysis, origin)
+            off(analysis, origin)
         told = str(caught.value)
     else:
-        (told,) = off_runs(analysis, origin)
+        (told,) = off(analysis, origin)
     (number,) = re.findall(r", (\S+) on average, as 73% of the shaking of 0.3", told)
     exact = 0.73 * years * 1e-4 * (0.3**-2 - 0.7**-2)
     assert float(number) == pytest.approx(exact, rel=0.02)  # by parts of PGA, and two digits
@@ -355,7 +349,7 @@ def test_longer_shaking_is_open_from_the_static_pga_on(static: float) -> None:
     """Half of it is beyond 0.07 s, up to 0.7 g, from where on it topples the rock."""
     origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
     rows = replace(rows_from([0.035, 0.05, 0.0707107], [0.9, 0.8, 0.7]), static=static)
-    told = off_runs(of_curves(model(1e-4), DatedRock("rock", rows, np.array([1e4]))), origin)
+    told = off(of_curves(model(1e-4), DatedRock("rock", rows, np.array([1e4]))), origin)
     number = 0.5 * (static**-2 - 0.7**-2)
     assert [f", {number:.2g} on average" in one for one in told] == [True] * (number > 0.2)
 
@@ -366,7 +360,7 @@ def test_shaking_that_topples_no_rock_is_not_open() -> None:
     rows = replace(rows_from([0.05, 0.1, 0.2, 0.4], [99.0] * 4), static=0.3)
     table = RatioTable(GRAVITY * np.array([0.1, 0.3]), np.array([5.0, 0.1]), np.full(2, 0.4))
     analysis = of_curves(model(1e-4), DatedRock("rock", rows, np.array([1e3])))
-    assert off_runs(replace(analysis, shaking=replace(analysis.shaking, table=table)), origin) == ()
+    assert off(replace(analysis, shaking=replace(analysis.shaking, table=table)), origin) == ()
 
 
 def test_earthquakes_are_open_in_the_years_of_a_stage_alone() -> None:
@@ -384,10 +378,48 @@ def test_earthquakes_are_open_in_the_years_of_a_stage_alone() -> None:
         analysis = of_curves(model(1e-4), rock)
         if words:
             with pytest.raises(InputError, match=rf"{words} .*, 2.9 on average"):
-                off_runs(analysis, origin)
+                off(analysis, origin)
         else:
-            (told,) = off_runs(analysis, origin)
-            assert "0.32 on average, as 81% of the shaking of 0.5" in told
+            (told,) = off(analysis, origin)
+            assert re.search(r"0\.3[34] on average, as 81% of the shaking of 0\.5", told)
+
+
+@pytest.mark.parametrize(("minimum", "turns"), [(0.05, True), (0.2, False)])
+def test_a_verdict_that_hangs_on_open_earthquakes_is_told(minimum: float, turns: bool) -> None:
+    """Of a rare branch, under which they are ten times as many as by the mean."""
+    origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
+    rows = replace(rows_from([0.05, 0.1], [0.5, 0.5]), static=0.4)
+    branches = tuple(
+        Branch(name, name, weight, curve(rate))
+        for name, weight, rate in (("often", 0.02, 7e-4), ("seldom", 0.98, 1e-5))
+    )
+    rock = DatedRock("rock", rows, np.array([1e3]))
+    analysis = replace(of_curves(HazardModel(branches, None), rock), minimum=minimum)
+    # 19 % is longer than 0.14 s, and stands from 0.4 to 0.5 g, as the runs do
+    number = 0.193 * 0.7 * (0.4**-2 - 0.5**-2)
+    survival = math.exp(-0.7 * 0.5**-2)
+    assert survival > 0.05 > survival * math.exp(-number)
+    told = [one for one in off(analysis, origin) if "its verdict may be another" in one]
+    assert ["under branch often" in one for one in told] == [True] * turns
+
+
+@pytest.mark.parametrize(("kinds", "told"), [(1, 0), (3, 1), (30, 2)])
+def test_earthquakes_of_all_kinds_of_a_fault_are_counted_together(kinds: int, told: int) -> None:
+    """Of each kind a tenth of one is open; three are told, and thirty refused."""
+    rock, origin = ensemble([0.5], 800), Origin(name="a", file="a.yaml", path=Path("a.yaml"))
+    rock, pga = replace(rock, static=0.2), np.log([0.3 * GRAVITY] * kinds)
+    sds = {"pga_sd": np.full(kinds, 0.01), "pgv_sd": np.full(kinds, 0.275)}
+    shaking = Shaking(pga=pga, pgv=pga, correlation=0.0, **sds)
+    for names in (["A"] * kinds, [f"A{n}" for n in range(kinds)]):
+        if told == 2:
+            with pytest.raises(InputError, match=", 3 on average"):
+                open_faults(rock, shaking, names, [0.1] * kinds, origin)
+        else:
+            assert len(open_faults(rock, shaking, names, [0.1] * kinds, origin)) == told
+
+
+def off(analysis: SurvivalAnalysis, origin: Origin) -> tuple[str, ...]:
+    return off_runs(analysis, analysis.results(), origin)
 
 
 def rows_from(ratios: Sequence[float], thresholds: Sequence[float]) -> RockFragility:
@@ -437,9 +469,9 @@ def test_earthquakes_of_an_older_rock_are_open_within_its_own_age() -> None:
             with pytest.raises(
                 InputError, match=r"hazard\.rocks: got .* runs of old .*, 2\.[56] on"
             ):
-                off_runs(analysis, origin)
+                off(analysis, origin)
         else:
-            assert off_runs(analysis, origin) == ()
+            assert off(analysis, origin) == ()
 
 
 @pytest.mark.parametrize(("threshold", "refused"), [(0.5, False), (0.15, True)])
