@@ -33,6 +33,7 @@ from pipeline.stages.hazard.rock_fragility import (
     of_members,
     with_static,
 )
+from pipeline.stages.hazard.sensitivity import coarse
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import pages, writers
@@ -100,6 +101,7 @@ def make(
         ages = back_to(age, history, seen)[:, 0]  # for which it stood as now
         found = found.merge(_of_faults(own, faults, ages))
         not_known += _open(own, faults, ages, found, work.origin)
+        not_known += _too_coarse(own, faults, ages, found, minimum)
         found["fault_rejected"] = (found["fault_survival"] < minimum).astype(np.int8)
     for told in not_known:
         work.log(f"exclusion: {told}")
@@ -271,6 +273,16 @@ def _open(
     for name, survival, without in zip([*names, "all together"], *each, strict=True):
         of = f"the rock under {name}"
         yield from told_of_untested(survival, without, of, rock.tested[1], origin)
+
+
+def _too_coarse(
+    rock: RockFragility, faults: Faults, ages: Array, found: xr.Dataset, minimum: float
+) -> Iterator[str]:
+    """That verdicts on faults hang on where the PGV/PGA of the runs lie, in words."""
+    halves = (_of_faults(rock.every_second(first), faults, ages) for first in (0, 1))
+    base, *others = (one["fault_survival"].values < minimum for one in (found, *halves))
+    if turned := int(np.any([one != base for one in others], axis=0).sum()):
+        yield coarse(f"{turned} of {counted(len(base), 'fault')}")
 
 
 def _distances(found: xr.Dataset) -> pd.DataFrame:

@@ -126,10 +126,14 @@ def too_coarse(found: Sequence[Case]) -> tuple[str, ...]:
     others = [one.results.rejected for one in found if one.name in EVERY_SECOND]
     if not (turned := int(np.any([one != base for one in others], axis=0).sum())):
         return ()
-    branches = f"{turned} of {counted(len(base), 'branch', 'branches')}"
+    return (coarse(f"{turned} of {counted(len(base), 'branch', 'branches')}"),)
+
+
+def coarse(which: str) -> str:
+    """That every second PGV/PGA of the runs turns verdicts, in words."""
     return (
-        f"every second PGV/PGA of the runs gives another verdict on {branches}: they are too far "
-        "apart to say; set more of them, in equal ratios",
+        f"every second PGV/PGA of the runs gives another verdict on {which}: they are too far "
+        "apart to say; set more of them, in equal ratios"
     )
 
 

@@ -61,6 +61,7 @@ def without_pictures(file: BinaryIO) -> BinaryIO:
             _check_moves(one)
         if _name(one) == "mesh":
             _check_order(one)
+            _check_coordinates(one)
     shapes = io.BytesIO(ElementTree.tostring(tree))
     found = collada.Collada(shapes, ignore=[collada.common.DaeError])
     if found.scene is None:
@@ -132,6 +133,16 @@ def _check_order(mesh: Element) -> None:
     for one in (one for one in mesh if _name(one) == "vertices"):
         if sum(part.get("semantic") == "POSITION" for part in one) > 1:
             raise InvalidInput("vertices at two places", "each is at one", "export it again")
+
+
+def _check_coordinates(mesh: Element) -> None:
+    """Refuse NaN among the coordinates of vertices, which pycollada takes for 0."""
+    inputs = [one for part in mesh if _name(part) == "vertices" for one in part]
+    used = {one.get("source", "")[1:] for one in inputs if one.get("semantic") == "POSITION"}
+    for numbers in (one for source in mesh if source.get("id") in used for one in source):
+        if "nan" in (numbers.text or "").lower():
+            given, rule = "coordinates with NaN among them", "each is a number"
+            raise InvalidInput(given, rule, "export it again")
 
 
 def _check_names(tree: Element) -> None:

@@ -115,7 +115,9 @@ def _require_lines(file: BinaryIO, elements: list[_Element]) -> None:
             what = b" ".join(odd)[:40].decode("latin-1")
             given = f"a file of a line {what!r} of other numbers than its header says"
             raise InvalidInput(given, _RULE, "export it again")
-        if not one.lists:
+        if one.lists:
+            _require_whole_corners(own, one)
+        else:
             _require_whole(own, one)
 
 
@@ -131,7 +133,17 @@ def _require_whole(lines: list[list[bytes]], element: _Element) -> None:
                     raise InvalidInput(given, rule, "say float in the header, or export it again")
 
 
-_WHOLE = re.compile(rb"[+-]?[0-9]+")
+def _require_whole_corners(lines: list[list[bytes]], element: _Element) -> None:
+    """Refuse others in lines of whole numbers alone, as faces without textures are."""
+    if all(part.kind.kind in "iu" for part in element.parts):
+        for word in (word for line in lines for word in line):
+            if not _WHOLE.fullmatch(_LENGTH.sub(b"", word)):
+                given = f"a face of {word[:40].decode('latin-1')!r}"
+                raise InvalidInput(given, "its numbers are whole", "export it again")
+
+
+_WHOLE, _LENGTH = re.compile(rb"[+-]?[0-9]+"), re.compile(rb"\.0*$")
+"""A whole number, and what may stand behind one, as some write the lengths of lists."""
 
 
 def _numbers(line: list[bytes], lists: list[bool]) -> bool:

@@ -577,6 +577,23 @@ def test_coordinates_of_text_are_whole_numbers_where_its_header_says_so(
         assert mesh_files.read(tmp_path / "rock.ply").volume == pytest.approx(1.5 * 2.5 / 6.0)
 
 
+def test_a_corner_of_a_face_of_text_is_a_whole_number(tmp_path: Path) -> None:
+    text = ball().export(file_type="ply", encoding="ascii").decode()
+    (tmp_path / "rock.ply").write_text(re.sub(r"(?m)^3 (\d+) ", r"3 \1.7 ", text, count=1))
+    with pytest.raises(InvalidInput, match=r"a face of '\d+\.7'; its numbers are whole"):
+        mesh_files.read(tmp_path / "rock.ply")
+
+
+def test_a_coordinate_of_collada_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    """pycollada reads 0."""
+    text = export_collada(ball()).decode()
+    at = text.index("<float_array")
+    changed = text[:at] + re.sub(r">\s*\S+ ", ">NaN ", text[at:], count=1)
+    (tmp_path / "rock.dae").write_text(changed)
+    with pytest.raises(InvalidInput, match="coordinates with NaN"):
+        mesh_files.read(tmp_path / "rock.dae")
+
+
 @pytest.mark.parametrize("unit", ["metre", 5, "0 * m", "nan * m", ["m"]])
 def test_a_unit_in_gltf_that_is_none_of_length_is_refused(
     tmp_path: Path, refused: Refused, unit: object
