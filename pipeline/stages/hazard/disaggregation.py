@@ -137,7 +137,8 @@ def load_disaggregation(path: Path) -> Disaggregation:
     unused += _other_wholes(bins)
     together = _together(bins)
     if not together.isna().all():
-        bins = bins.assign(share=_numbers(path, bins["number"]))
+        _require_doubt(path, bins["number"])
+        bins = bins.assign(share=bins["number"])
     grid = bins.groupby(["iml", "mag", "dist"])["share"].sum().unstack(["mag", "dist"])
     if (bins["share"] == 0.0).any() and grid.isna().any(axis=None):
         rule = "a file that holds empty bins holds all"
@@ -187,12 +188,11 @@ def _together(bins: pd.DataFrame) -> pd.Series[float]:
     return shares.agg(lambda part: np.nan if conditional else 1.0 - np.prod(1.0 - part))
 
 
-def _numbers(path: Path, numbers: pd.Series[float]) -> pd.Series[float]:
-    """Mean numbers of earthquakes of bins, none of which is sure."""
+def _require_doubt(path: Path, numbers: pd.Series[float]) -> None:
+    """Refuse a bin of an earthquake that is sure, of which there may be any number."""
     if np.isinf(numbers).any():
         rule, remedy = "it is below 1, or has no rate", "export it for fewer years"
         raise refused(path, "poe", "a bin of a probability of 1", rule, remedy)
-    return numbers
 
 
 def _other_wholes(bins: pd.DataFrame) -> Iterator[str]:

@@ -59,7 +59,7 @@ def off_runs(analysis: SurvivalAnalysis, results: BranchResults, origin: Origin)
 
 def _turned(analysis: SurvivalAnalysis, results: BranchResults, given: str) -> Iterator[str]:
     """Branches whose verdicts would be others if what is open under them ended otherwise."""
-    numbers = np.max([_of_branches(analysis, rock) for rock in analysis.rocks], axis=0)
+    numbers = np.max([of_branches(analysis, rock) for rock in analysis.rocks], axis=0)
     low, high = results.survival * np.exp([-numbers, numbers])
     turns = (low < analysis.minimum) & (high >= analysis.minimum) & (numbers >= _SOME)
     if turns.any():
@@ -75,16 +75,23 @@ _SOME = 0.05
 """Open earthquakes within an age from which on they may turn a verdict."""
 
 
-def _of_branches(analysis: SurvivalAnalysis, rock: DatedRock) -> Array:
+def of_branches(analysis: SurvivalAnalysis, rock: DatedRock) -> Array:
     """Mean number of earthquakes within the age that are open of a rock, under each branch."""
-    last, found = max(curve.levels[-1] for curve in analysis.curves), []
+    last, found = max(curve.levels[-1] for curve in analysis.curves), np.zeros(len(analysis.curves))
     for one, years in _timed(rock):
-        least = acceleration(one.static) or analysis.before.levels[0]
-        levels = np.geomspace(min(least, last), last, _PARTS)
-        shares = _shares(one, analysis.shaking.table, levels)
-        rates = (np.nan_to_num(curve.rate_at(levels)) for curve in analysis.curves)
-        found.append([_summed(shares, years * each) for each in rates])
-    return np.sum(found, axis=0)
+        least = max(acceleration(one.static), analysis.before.levels[0])
+        if least < last:
+            levels = np.geomspace(least, last, _PARTS)
+            shares = _shares(one, analysis.shaking.table, levels)
+            rates = (_rates_from(curve, levels) for curve in analysis.curves)
+            found += [_summed(shares, years * each) for each in rates]
+    return found
+
+
+def _rates_from(curve: HazardCurve, levels: Array) -> Array:
+    """Rates of a curve, none beyond its end, and before its first level that of the first."""
+    known = np.nan_to_num(curve.rate_at(levels))
+    return np.asarray(np.maximum.accumulate(known[::-1])[::-1])
 
 
 def _timed(rock: DatedRock) -> Iterator[tuple[RockFragility, float]]:

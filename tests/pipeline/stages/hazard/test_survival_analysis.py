@@ -30,7 +30,7 @@ from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
 from pipeline.stages.hazard.hazard_page import sentence
 from pipeline.stages.hazard.open_ends import begun_late, left_open, of_scale, open_cases, untested
-from pipeline.stages.hazard.open_runs import off_runs
+from pipeline.stages.hazard.open_runs import of_branches, off_runs
 from pipeline.stages.hazard.open_scenarios import open_faults, open_magnitudes
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
@@ -401,6 +401,23 @@ def test_a_verdict_that_hangs_on_open_earthquakes_is_told(minimum: float, turns:
     assert survival > 0.05 > survival * math.exp(-number)
     told = [one for one in off(analysis, origin) if "its verdict may be another" in one]
     assert ["under branch often" in one for one in told] == [True] * turns
+
+
+@pytest.mark.parametrize(("first", "static"), [(0, 0.4), (24, 0.4), (0, 12.0)])
+def test_open_earthquakes_under_a_branch_begin_with_its_curve(first: int, static: float) -> None:
+    """At 0.7 g it is as if all of the shaking that its first level has were there; 12 g is none."""
+    origin = Origin(name="rock", file="rock.yaml", path=Path("rock.yaml"))
+    rows = replace(rows_from([0.2, 0.3], [0.5, 0.5]), static=static)
+    whole = curve(1e-4)
+    late = HazardCurve(whole.levels[first:], whole.rates[first:])
+    branches = (Branch("a", "a", 0.5, whole), Branch("b", "b", 0.5, late))
+    rock = DatedRock("rock", rows, np.array([100.0]))
+    analysis = of_curves(HazardModel(branches, None), rock)
+    numbers = of_branches(analysis, rock)
+    level = max(0.5, late.levels[0] / GRAVITY)  # from where on it topples; 81 % is too short
+    exact = 0.807 * 100.0 * 1e-4 * np.array([0.5**-2, level**-2]) * (static < 10.0)
+    np.testing.assert_allclose(numbers, exact, rtol=0.05)
+    assert off(analysis, origin) == ()
 
 
 @pytest.mark.parametrize(("kinds", "told"), [(1, 0), (3, 1), (30, 2)])
