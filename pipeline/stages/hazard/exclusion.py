@@ -26,13 +26,7 @@ from pipeline.stages.hazard.fault_files import Faults
 from pipeline.stages.hazard.open_ends import told_of_untested
 from pipeline.stages.hazard.open_scenarios import open_faults, open_magnitudes
 from pipeline.stages.hazard.rock_ages import back_to
-from pipeline.stages.hazard.rock_fragility import (
-    DRAWN,
-    RockFragility,
-    of_fits,
-    of_members,
-    with_static,
-)
+from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_rock
 from pipeline.stages.hazard.sensitivity import coarse
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
@@ -88,7 +82,7 @@ def make(
         ``exclusion.nc``, ``exclusion.csv``, ``exclusion_faults.csv`` and ``exclusion.html``.
     """
     drawn = ensemble is not None and support == "tested"
-    own = with_static(of_members(ensemble.data) if ensemble and drawn else of_fits(fits), rock)
+    own = of_rock(rock, fits, ensemble if drawn else None)
     found = _map(own, faults)
     not_known = [
         *open_magnitudes(own, *_nearest_standing(found, faults)),

@@ -24,7 +24,7 @@ from pipeline.stages.hazard.one_rock import alike_in_shape
 from pipeline.stages.hazard.open_ends import of_scale, open_cases, open_ends
 from pipeline.stages.hazard.other_rocks import Others, dated
 from pipeline.stages.hazard.rock_ages import of_age, years_observed
-from pipeline.stages.hazard.rock_fragility import RockFragility, of_fits, of_members, with_static
+from pipeline.stages.hazard.rock_fragility import RockFragility, of_rock
 from pipeline.stages.hazard.shaking_ratio import of_hazard
 from pipeline.stages.hazard.survival_analysis import BranchResults, DatedRock, SurvivalAnalysis
 from pipeline.stages.mesh.products import RockData
@@ -59,7 +59,7 @@ def make(
     for unused in curves.unused:
         work.log(f"hazard: {unused}")
     drawn = ensemble is not None and config.support == "tested"
-    own = with_static(of_members(ensemble.data) if ensemble and drawn else of_fits(fits), rock)
+    own = of_rock(rock, fits, ensemble if drawn else None)
     seen = observed if drawn else ()
     rocks = _rocks(fits.folder, name, own, config, seen, beside)
     for alike in alike_in_shape({name: rock.data} | beside.shapes(fits.folder)):
@@ -118,9 +118,8 @@ def _compared(
     """The rock's other fragilities, by the names of their cases."""
     compared = {}
     if ensemble is not None:  # beside which settings are compared
-        compared[sensitivity.AS_GIVEN if drawn else sensitivity.AS_TESTED] = with_static(
-            of_fits(fits) if drawn else of_members(ensemble.data), rock
-        )
+        name = sensitivity.AS_GIVEN if drawn else sensitivity.AS_TESTED
+        compared[name] = of_rock(rock, fits, None if drawn else ensemble)
     for other in beside.compared:
         what = f"{sensitivity.AS_GIVEN}, {other.name}" if drawn else other.name
         compared[what] = other.fragility(fits.folder)

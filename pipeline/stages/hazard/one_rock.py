@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
@@ -19,13 +19,7 @@ from pipeline.config.problems import InputError, Problem, edited_since
 from pipeline.config.yaml_text import parse
 from pipeline.stages.archive.archived_rock import answered
 from pipeline.stages.fragility.summary import Fits
-from pipeline.stages.hazard.rock_fragility import (
-    RockFragility,
-    of_fits,
-    of_members,
-    of_photograph,
-    with_static,
-)
+from pipeline.stages.hazard.rock_fragility import RockFragility, of_photograph, of_rock
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import graph, keys, site_folder
@@ -85,14 +79,8 @@ class Other:
         if manifest is None or manifest["key"] != self.key:
             given = f"{self.stage} of other files or settings than {self.site.name} has by now"
             raise edited_since(str(folder), given)
-        rock = RockData(folder)
-        if not self.uncertain:
-            return with_static(of_fits(Fits(folder)), rock)
-        try:
-            return with_static(of_members(EnsembleData(folder).data), rock)
-        except InputError as error:
-            files = (replace(one, file=str(folder / one.file)) for one in error.problems)
-            raise InputError(*files) from None
+        ensemble = EnsembleData(folder) if self.uncertain else None
+        return of_rock(RockData(folder), Fits(folder), ensemble)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from pipeline.config.problems import InputError, Problem
 from pipeline.stages.archive.archived_rock import PGV_PGA, SHARP, Answered
 from pipeline.stages.fragility.summary import SEARCHED, Fits
 from pipeline.stages.mesh.products import RockData
+from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow.datasets import open_below, rows_of
 from vsr_core.arrays import Array, Indices
 from vsr_core.hazard.toppling import RowFragility, continued_rows, lognormal_rows
@@ -124,9 +125,19 @@ class RockFragility:
         )
 
 
-def with_static(fragility: RockFragility, rock: RockData) -> RockFragility:
-    """The same of a rock that tips as that one does, as given."""
-    return replace(fragility, static=float(rock.data["tipping_pga"].min()))
+def of_rock(rock: RockData, fits: Fits, ensemble: EnsembleData | None) -> RockFragility:
+    """Fragility of a rock by its ensemble, or, without one, by its fits.
+
+    Raises
+    ------
+    InputError
+        As of `of_fits` and `of_members`.
+    """
+    if ensemble is None:
+        found = of_fits(fits)
+    else:
+        found = of_members(ensemble.data, str(ensemble.folder / ensemble.FILE))
+    return replace(found, static=float(rock.data["tipping_pga"].min()))
 
 
 def of_fits(fits: Fits) -> RockFragility:
@@ -160,7 +171,7 @@ def of_fits(fits: Fits) -> RockFragility:
     return found.one_row_each()
 
 
-def of_members(data: xr.Dataset) -> RockFragility:
+def of_members(data: xr.Dataset, file: str = EnsembleData.FILE) -> RockFragility:
     """Fragility of an ensemble whose members differ in what is not known of the rock.
 
     Parameters
@@ -179,13 +190,13 @@ def of_members(data: xr.Dataset) -> RockFragility:
     """
     below = open_below(data, "member_boundary") == 0.0
     if (share := float(below.mean())) > MOST_BELOW:
-        raise _too_low("uncertainty.nc", "draws", share, _searched(data)[0])
+        raise _too_low(file, "draws", share, _searched(data)[0])
     row = rows_of(data)
     ratio = "pgv_pga" if row == "pgv_pga" else "record_pgv_pga"
     data = data.isel({row: np.argsort(data[ratio].values, kind="stable")})
     data = data.isel(yaw=np.flatnonzero(np.isfinite(data["theta"].values).all(axis=1)))
     if not data.sizes["yaw"]:
-        raise _without_fragility("uncertainty.nc", "uncertainty")
+        raise _without_fragility(file, "uncertainty")
     theta, beta = in_si.acceleration(data["theta"].values), data["beta"].values
     levels, edges = (in_si.acceleration(data[name].values) for name in ("pga", "member_boundary"))
     overturned, tested = data["overturned"].values, _searched(data)
