@@ -19,6 +19,7 @@ import trimesh
 import xarray as xr
 from support import tumbling
 
+import pipeline.inspection.in_notebook  # noqa: F401 (what a dataset of vsr has, as vsr.run does)
 import vsr
 from pipeline import ROOT
 from pipeline.config.yaml_text import parse as load_yaml

@@ -93,9 +93,9 @@ def make(
         assert age is not None
         seen = observed if drawn else ()
         ages = back_to(age, history, seen)[:, 0]  # for which it stood as now
-        found = found.merge(_of_faults(own, faults, ages))
+        found = found.merge(of_faults(own, faults, ages))
         not_known += _open(own, faults, ages, found, work.origin)
-        not_known += _too_coarse(own, faults, ages, found, minimum)
+        not_known += too_coarse(own, faults, ages, found, minimum)
         found["fault_rejected"] = (found["fault_survival"] < minimum).astype(np.int8)
     for told in not_known:
         work.log(f"exclusion: {told}")
@@ -220,7 +220,7 @@ def _map(rock: RockFragility, faults: Faults) -> xr.Dataset:
     )
 
 
-def _of_faults(rock: RockFragility, faults: Faults, ages: Array) -> xr.Dataset:
+def of_faults(rock: RockFragility, faults: Faults, ages: Array) -> xr.Dataset:
     """Survival of the rock under each fault alone, and under all of them."""
     given = faults.faults
     magnitudes, distances, rates = (
@@ -259,7 +259,7 @@ def _open(
     names = found["fault"].values.tolist()
     often = (ages.mean() * found["fault_rate"].values).tolist()
     yield from open_faults(rock, _of_all(faults), names, often, origin)
-    most = _of_faults(rock.within_tested(), faults, ages)
+    most = of_faults(rock.within_tested(), faults, ages)
     each = (
         [*data["fault_survival"].values.tolist(), data["survival_together"].item()]
         for data in (found, most)
@@ -269,11 +269,11 @@ def _open(
         yield from told_of_untested(survival, without, of, rock.tested[1], origin)
 
 
-def _too_coarse(
+def too_coarse(
     rock: RockFragility, faults: Faults, ages: Array, found: xr.Dataset, minimum: float
 ) -> Iterator[str]:
     """That verdicts on faults hang on where the PGV/PGA of the runs lie, in words."""
-    halves = (_of_faults(rock.every_second(first), faults, ages) for first in (0, 1))
+    halves = (of_faults(rock.every_second(first), faults, ages) for first in (0, 1))
     base, *others = (one["fault_survival"].values < minimum for one in (found, *halves))
     if turned := int(np.any([one != base for one in others], axis=0).sum()):
         yield coarse(f"{turned} of {counted(len(base), 'fault')}")

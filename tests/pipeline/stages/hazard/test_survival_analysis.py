@@ -26,6 +26,8 @@ from pipeline.config.layers import Origin
 from pipeline.config.observation_schema import Earthquake
 from pipeline.config.problems import InputError
 from pipeline.stages.fragility.summary import SEARCHED
+from pipeline.stages.hazard import exclusion
+from pipeline.stages.hazard.fault_files import Fault, Faults
 from pipeline.stages.hazard.hazard_dataset import survival_error, survival_range
 from pipeline.stages.hazard.hazard_model import Branch, HazardModel
 from pipeline.stages.hazard.hazard_page import sentence
@@ -418,6 +420,18 @@ def test_open_earthquakes_under_a_branch_begin_with_its_curve(first: int, static
     exact = 0.807 * 100.0 * 1e-4 * np.array([0.5**-2, level**-2]) * (static < 10.0)
     np.testing.assert_allclose(numbers, exact, rtol=0.05)
     assert off(analysis, origin) == ()
+
+
+@pytest.mark.parametrize(("thresholds", "told"), [([99.0, 0.05], 1), ([0.05, 0.05], 0)])
+def test_a_verdict_on_a_fault_that_turns_with_every_second_row_is_told(
+    thresholds: list[float], told: int
+) -> None:
+    """By 0.03 s alone the rock stands, by 0.15 s alone it topples in each of 20 earthquakes."""
+    rock, ages = rows_from([0.03, 0.15], thresholds), np.array([1e3])
+    fault = Fault(name="A", magnitude=6.5, distance_km=5.0, rate_per_year=0.02)
+    faults = Faults((), {}, (fault,), None)
+    words = exclusion.too_coarse(rock, faults, ages, exclusion.of_faults(rock, faults, ages), 0.05)
+    assert ["another verdict on 1 of 1 fault:" in one for one in words] == [True] * told
 
 
 @pytest.mark.parametrize(("kinds", "told"), [(1, 0), (3, 1), (30, 2)])
