@@ -173,6 +173,32 @@ def borders_of(ratios: Array) -> Array:
     return np.sqrt(ratios[1:] * ratios[:-1])
 
 
+MOVED = 0.1
+"""Part of the way to the next row by which rows are moved to see what their places do. Where a
+boundary falls as 1/(PGV/PGA), and rates as PGA^-k, rows of a factor q are as if they lay
+ln(sinh(x) / x) / 2x of the way off, x = k ln(q) / 2: 0.07 for 2.5 and 2, 0.10 for 3.7 and 2."""
+
+
+def moved(ratios: Array, part: float) -> Array:
+    """Rows of PGV/PGA moved a part of the way to the nearer of their neighbours, in logarithms.
+
+    Parameters
+    ----------
+    ratios : ndarray, shape (rows,) [s], ascending
+    part : float, between -0.5 and 0.5, above 0 to longer ones
+
+    Examples
+    --------
+    >>> moved(np.array([0.1, 0.2, 0.4]), 0.5).round(3).tolist()
+    [0.141, 0.283, 0.566]
+    """
+    if len(ratios) < 2:
+        return ratios
+    gaps = np.diff(np.log(ratios))
+    nearer = np.minimum(np.append(gaps, gaps[-1]), np.append(gaps[0], gaps))
+    return np.asarray(ratios * np.exp(part * nearer))
+
+
 def row_shares(ratios: Array, medians: Array, log_sds: Array) -> Array:
     """Share of a lognormal PGV/PGA that each row of a grid stands for.
 

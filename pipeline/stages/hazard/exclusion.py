@@ -26,7 +26,7 @@ from pipeline.stages.hazard.fault_files import Faults
 from pipeline.stages.hazard.open_ends import told_of_untested
 from pipeline.stages.hazard.open_scenarios import open_faults, open_magnitudes
 from pipeline.stages.hazard.rock_ages import back_to
-from pipeline.stages.hazard.rock_fragility import DRAWN, RockFragility, of_rock
+from pipeline.stages.hazard.rock_fragility import DRAWN, OTHER_ROWS, RockFragility, of_rock
 from pipeline.stages.hazard.sensitivity import coarse
 from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
@@ -273,8 +273,8 @@ def too_coarse(
     rock: RockFragility, faults: Faults, ages: Array, found: xr.Dataset, minimum: float
 ) -> Iterator[str]:
     """That verdicts on faults hang on where the PGV/PGA of the runs lie, in words."""
-    halves = (of_faults(rock.every_second(first), faults, ages) for first in (0, 1))
-    base, *others = (one["fault_survival"].values < minimum for one in (found, *halves))
+    placed = (of_faults(of(rock), faults, ages) for of in OTHER_ROWS.values())
+    base, *others = (one["fault_survival"].values < minimum for one in (found, *placed))
     if turned := int(np.any([one != base for one in others], axis=0).sum()):
         yield coarse(f"{turned} of {counted(len(base), 'fault')}")
 

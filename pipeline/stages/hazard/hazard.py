@@ -24,7 +24,7 @@ from pipeline.stages.hazard.one_rock import alike_in_shape
 from pipeline.stages.hazard.open_ends import of_scale, open_cases, open_ends
 from pipeline.stages.hazard.other_rocks import Others, dated
 from pipeline.stages.hazard.rock_ages import of_age, years_observed
-from pipeline.stages.hazard.rock_fragility import RockFragility, of_rock
+from pipeline.stages.hazard.rock_fragility import RockFragility, all_borders, of_rock
 from pipeline.stages.hazard.shaking_ratio import of_hazard
 from pipeline.stages.hazard.survival_analysis import BranchResults, DatedRock, SurvivalAnalysis
 from pipeline.stages.mesh.products import RockData
@@ -66,9 +66,8 @@ def make(
         work.log(f"hazard: {alike}")
     compared = _compared(fits, rock, ensemble, beside, drawn=drawn)
     used = [*(stage for rock in rocks for stage in rock.stages), *compared.values()]
-    assumed = of_hazard(
-        config, model, curves.events, curves.disaggregated, [one.ratios for one in used]
-    )
+    borders = all_borders(used)
+    assumed = of_hazard(config, model, curves.events, curves.disaggregated, borders)
     minimum, of_pgv = config.minimum_survival_probability, assumed.source == "curves"
     analysis = SurvivalAnalysis(model, rocks, assumed.shaking, minimum)
     work.log(f"hazard: {strength(analysis.before)}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -18,7 +18,14 @@ from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow.datasets import open_below, rows_of
 from vsr_core.arrays import Array, Indices
-from vsr_core.hazard.toppling import RowFragility, continued_rows, lognormal_rows
+from vsr_core.hazard.toppling import (
+    MOVED,
+    RowFragility,
+    borders_of,
+    continued_rows,
+    lognormal_rows,
+    moved,
+)
 from vsr_core.validation.priors import FIRST_SEED
 
 FITTED, DRAWN = "fits", "members"
@@ -112,6 +119,10 @@ class RockFragility:
             return self
         return self._with_rows(ratios, lambda rows: lambda level: rows(level)[first::2])
 
+    def moved(self, part: float) -> RockFragility:
+        """The same with its rows moved, as `vsr_core.hazard.toppling.moved` does."""
+        return replace(self, ratios=moved(self.ratios, part))
+
     def _with_rows(
         self, ratios: Array, of: Callable[[RowFragility], RowFragility]
     ) -> RockFragility:
@@ -123,6 +134,21 @@ class RockFragility:
             others=tuple(map(of, self.others)),
             others_by_yaw={yaw: tuple(map(of, rows)) for yaw, rows in self.others_by_yaw.items()},
         )
+
+
+OTHER_ROWS: dict[str, Callable[[RockFragility], RockFragility]] = {
+    "grid: every second PGV/PGA of the runs, from the first on": lambda one: one.every_second(0),
+    "grid: every second PGV/PGA of the runs, from the second on": lambda one: one.every_second(1),
+    "grid: PGV/PGA of the runs a tenth of a row shorter": lambda one: one.moved(-MOVED),
+    "grid: PGV/PGA of the runs a tenth of a row longer": lambda one: one.moved(MOVED),
+}
+"""The cases that show whether the PGV/PGA of the runs are close enough."""
+
+
+def all_borders(rocks: Iterable[RockFragility]) -> Array:
+    """Borders between rows of PGV/PGA, in all cases of all rocks [s], ascending, shape (n,)."""
+    rows = (of(one).ratios for one in rocks for of in (lambda one: one, *OTHER_ROWS.values()))
+    return np.unique(np.concatenate([*map(borders_of, rows)]))
 
 
 def of_rock(rock: RockData, fits: Fits, ensemble: EnsembleData | None) -> RockFragility:

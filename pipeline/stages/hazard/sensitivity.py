@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.stages.hazard.rock_fragility import RockFragility
+from pipeline.stages.hazard.rock_fragility import OTHER_ROWS, RockFragility
 from pipeline.stages.hazard.survival_analysis import BranchResults, SurvivalAnalysis
 from pipeline.workflow.grammar import counted
 from vsr_core.hazard.shaking import Shaking
@@ -28,11 +28,6 @@ DRAWN_ANEW = "rock: drawn anew in each earthquake"
 
 AS_NOW = "history: as it stands now, for all of its age"
 """The case without the stages in which a rock was exhumed."""
-
-EVERY_SECOND = tuple(
-    f"grid: every second PGV/PGA of the runs, from the {which} on" for which in ("first", "second")
-)
-"""The cases that show whether the PGV/PGA of the runs are close enough."""
 
 AGES = (5.0, 95.0)
 """Percentiles of the age for a young and an old rock."""
@@ -110,8 +105,8 @@ def _changes(
 
 def _coarser(analysis: SurvivalAnalysis) -> Iterator[tuple[str, SurvivalAnalysis]]:
     if any(len(stage.ratios) > 1 for rock in analysis.rocks for stage in rock.stages):
-        for place, name in enumerate(EVERY_SECOND):
-            rocks = tuple(rock.every_second(place) for rock in analysis.rocks)
+        for name, of in OTHER_ROWS.items():
+            rocks = tuple(rock.in_each_stage(of) for rock in analysis.rocks)
             yield name, replace(analysis, rocks=rocks)
 
 
@@ -123,17 +118,18 @@ def too_coarse(found: Sequence[Case]) -> tuple[str, ...]:
     found : all cases, the base case first
     """
     base = found[0].results.rejected
-    others = [one.results.rejected for one in found if one.name in EVERY_SECOND]
+    others = [one.results.rejected for one in found if one.name in OTHER_ROWS]
     if not (turned := int(np.any([one != base for one in others], axis=0).sum())):
         return ()
     return (coarse(f"{turned} of {counted(len(base), 'branch', 'branches')}"),)
 
 
 def coarse(which: str) -> str:
-    """That every second PGV/PGA of the runs turns verdicts, in words."""
+    """That other PGV/PGA of the runs turn verdicts, in words."""
     return (
-        f"every second PGV/PGA of the runs gives another verdict on {which}: they are too far "
-        "apart to say; set more of them, in equal ratios"
+        "every second PGV/PGA of the runs, or all of them moved by a tenth of the way to the next, "
+        f"gives another verdict on {which}: they are too far apart to say; set more of them, in "
+        "equal ratios"
     )
 
 

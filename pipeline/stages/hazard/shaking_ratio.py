@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +23,6 @@ from vsr_core.hazard.ratio import (
     ratios_of_scenarios,
 )
 from vsr_core.hazard.shaking import CurveShaking, Shaking, counted_shaking
-from vsr_core.hazard.toppling import borders_of
 
 DEFAULT, SMALLER, LARGER = (6.5, 20.0), (5.5, 10.0), (7.5, 40.0)
 """Magnitude and distance [km] of the earthquake assumed where nothing is known of PGV, and of two
@@ -76,18 +75,16 @@ def of_hazard(
     model: HazardModel,
     events: Events | None,
     disaggregated: Path | None,
-    ratios: Sequence[Array],
+    borders: Array,
 ) -> AssumedShaking:
     """Shaking of curves, or of events, with its PGV/PGA.
 
     Parameters
     ----------
-    ratios : PGV/PGA of the rows of each rock [s], of which cases take every second
+    borders : ndarray, shape (cells - 1,) [s], as of `rock_fragility.all_borders`
     """
     if events is None or events.pgv is None or config.pgv_pga is not None:
         found = of_model(config, model, model.levels[[0, -1]], disaggregated)
-    rows = [some for one in ratios for some in (one, one[::2], one[1::2])]
-    borders = np.unique(np.concatenate([*map(borders_of, rows)]))
     if events is None:
         curves = tuple(one.pga for one in model.branches)
         tables = found.alternatives.items()

@@ -44,15 +44,12 @@ class DatedRock:
         """As it stands now, and in its earlier stages, the latest first."""
         return (self.fragility, *(one for one, _ in self.earlier))
 
-    def every_second(self, first: int) -> DatedRock:
-        """The same by every second PGV/PGA of the runs, from the first or second (0 or 1) on."""
-        return self._in_each_stage(lambda one: one.every_second(first))
-
     def within_tested(self) -> DatedRock:
         """The same, as if nothing more toppled beyond the largest PGA that was tried."""
-        return self._in_each_stage(RockFragility.within_tested)
+        return self.in_each_stage(RockFragility.within_tested)
 
-    def _in_each_stage(self, of: Callable[[RockFragility], RockFragility]) -> DatedRock:
+    def in_each_stage(self, of: Callable[[RockFragility], RockFragility]) -> DatedRock:
+        """The same with another fragility in each of its stages."""
         earlier = tuple((of(one), until) for one, until in self.earlier)
         return replace(self, fragility=of(self.fragility), earlier=earlier)
 

@@ -36,12 +36,19 @@ from pipeline.stages.hazard.open_runs import of_branches, off_runs
 from pipeline.stages.hazard.open_scenarios import open_faults, open_magnitudes
 from pipeline.stages.hazard.other_rocks import dated
 from pipeline.stages.hazard.rock_ages import ages_of, back_to
-from pipeline.stages.hazard.rock_fragility import DRAWN, FITTED, RockFragility, of_fits, of_members
+from pipeline.stages.hazard.rock_fragility import (
+    DRAWN,
+    FITTED,
+    OTHER_ROWS,
+    RockFragility,
+    all_borders,
+    of_fits,
+    of_members,
+)
 from pipeline.stages.hazard.sensitivity import (
     AS_NOW,
     BASE_CASE,
     DRAWN_ANEW,
-    EVERY_SECOND,
     Case,
     cases,
     too_coarse,
@@ -72,9 +79,7 @@ def model(*rates: float) -> HazardModel:
 
 
 def of_curves(hazard: HazardModel, *rocks: DatedRock, component: float = 1.0) -> SurvivalAnalysis:
-    ratios = [stage.ratios for rock in rocks for stage in rock.stages]
-    rows = [some for one in ratios for some in (one, one[::2], one[1::2])]
-    borders = np.unique(np.concatenate([*map(borders_of, rows)]))
+    borders = all_borders(stage for rock in rocks for stage in rock.stages)
     shaking = CurveShaking(tuple(one.pga for one in hazard.branches), TABLE, borders)
     return SurvivalAnalysis(hazard, rocks, shaking.times(component), 0.05)
 
@@ -474,19 +479,35 @@ def test_every_second_row_is_a_case_and_a_verdict_that_turns_with_it_is_told() -
         analysis = of_curves(model(4e-4, 1e-4), DatedRock("rock", rows, age))
         found[pick.start, pick.step] = cases(analysis, {}, {})
     whole = found[None, None]
-    halves = [one.results for one in whole if one.name in EVERY_SECOND]
+    halves = [one.results for one in whole if "every second" in one.name]
     for half, alone in zip(halves, (found[0, 2], found[1, 2]), strict=True):
         np.testing.assert_allclose(half.survival, alone[0].results.survival, rtol=1e-3)
     assert halves[0].survival[0] < 0.05 < whole[0].results.survival[0] < halves[1].survival[0]
     (told,) = too_coarse(whole)
     assert "gives another verdict on 1 of 2 branches" in told
     alike = of_curves(model(1e-4), DatedRock("rock", rows_from(ratios, [0.5] * 4), age))
+    assert {one.name for one in cases(alike, {}, {})} > {*OTHER_ROWS}
     assert too_coarse(cases(alike, {}, {})) == ()
+
+
+def test_a_verdict_that_turns_where_rows_are_moved_is_told() -> None:
+    """It topples from 0.02 s / (PGV/PGA) on. Rows of a factor of 2, and halves of them, have more
+    that topples, so that 0.04 survive by them of 0.0508."""
+    ratios, age = np.geomspace(0.0125, 0.8, 7), np.array([1e3])
+    rows = rows_from(ratios.tolist(), (0.02 / ratios).tolist())
+    exact = 0.02**-2.0 * 0.1**2 * math.exp(2.0 * 0.4**2)  # E[threshold^-2] of a lognormal PGV/PGA
+    rate = -math.log(0.0508) / (age[0] * exact)
+    found = cases(of_curves(model(rate), DatedRock("rock", rows, age)), {}, {})
+    survived = {one.name: one.results.survival[0] for one in found}
+    half, other, shorter, longer = (survived[name] for name in OTHER_ROWS)
+    assert max(half, other, shorter, survived[BASE_CASE]) < 0.05 < 0.0508 < longer
+    (told,) = too_coarse(found)
+    assert "another verdict on 1 of 1 branch:" in told
 
 
 def test_of_one_pgv_pga_no_half_is_a_case() -> None:
     one = of_curves(model(1e-4), DatedRock("rock", rows_from([0.1], [0.5]), np.array([1e3])))
-    assert not {case.name for case in cases(one, {}, {})} & {*EVERY_SECOND}
+    assert not {case.name for case in cases(one, {}, {})} & {*OTHER_ROWS}
 
 
 def test_earthquakes_of_an_older_rock_are_open_within_its_own_age() -> None:
