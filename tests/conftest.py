@@ -26,7 +26,13 @@ BOX = "rock: {shape: box, size: [0.5, 1.0, 2.0], density: 2110}\n"
 
 LONG = (
     *("test_all_ways", "test_commands_as_printed", "test_proofs_hunt", "test_bad_input_tables"),
-    *("test_bad_input_files", "test_displacement_run", "test_workers", "test_reference"),
+    *(
+        "test_bad_input_files",
+        "test_level_ground",
+        "test_symmetries",
+        "test_workers",
+        "test_reference",
+    ),
     *("test_cluster", "test_site"),
     *("test_rebound", "test_prep", "test_resume", "test_displacement_product"),
     *("test_uncertainty_product", "test_damaged_products", "test_same_everywhere", "test_scene3d"),
