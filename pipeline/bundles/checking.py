@@ -26,6 +26,7 @@ from pipeline.bundles.layout import (
     sums,
     unpack,
 )
+from pipeline.config.folder_names import NOT_READ
 from pipeline.config.layers import load_site
 from pipeline.config.outside import damaged_heap
 from pipeline.config.problems import InputError, Problem, printable
@@ -150,6 +151,12 @@ def _plain(name: str) -> str:
     return name.lower().replace("_", "-").replace(".", "-")
 
 
+def _packed(facts: dict[str, Any]) -> dict[str, Any]:
+    """Facts of a product without the names of files that it does not read: no bundle has these."""
+    read = {name: value for name, value in facts["inputs"].items() if value != NOT_READ}
+    return {**facts, "inputs": read}
+
+
 def _stages(folder: Path, told: About, manifests: dict[str, dict[str, Any]]) -> Iterator[str]:
     """Products whose settings, inputs or code are others here."""
     try:
@@ -166,7 +173,7 @@ def _stages(folder: Path, told: About, manifests: dict[str, dict[str, Any]]) -> 
                 continue
             if own.key == manifest["key"]:
                 continue
-            differences = list(graph.differences(manifest["facts"], own.facts))
+            differences = list(graph.differences(_packed(manifest["facts"]), own.facts))
             code = [one for one in differences if one.startswith("code ")]
             yield from (f"{stage}: {one}" for one in differences if one not in code)
             if code:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 
@@ -10,6 +10,9 @@ from pipeline.config.outside import refused
 
 NOTES = (".md", ".pdf", ".png", ".jpg")
 """Ends of names of files that are for people, where no other end stands before."""
+
+NOT_READ = "not read"
+"""Stands for such a file where others have a digest, so that one is told of it when it comes."""
 
 _DEEP = ("*", "*/*", "*/*/*")
 """How deep a folder is looked through."""
@@ -51,14 +54,18 @@ def check_links(paths: Iterable[Path]) -> None:
             raise refused(path.parent, "", given, rule, remedy)
 
 
-def unread(folder: Path, read: Iterable[Path]) -> Iterator[str]:
-    """Files but for notes and hidden ones that are not read, in a line."""
+def unread(folder: Path, read: Iterable[Path]) -> tuple[str, ...]:
+    """Names of files but for notes and hidden ones that are not read."""
     known = set(read)
-    names = [
+    return tuple(
         path.relative_to(folder).as_posix()
         for path in sorted(chain.from_iterable(map(folder.glob, _DEEP)))
         if path not in known and not path.is_dir() and not _is_for_people(path)
-    ]
+    )
+
+
+def in_a_line(names: Sequence[str]) -> Iterator[str]:
+    """Files that are not read, in a line."""
     if names:
         others = f" and {len(names) - 3} more" if len(names) > 4 else ""
         shown = ", ".join(map(repr, names[:3] if others else names))

@@ -57,7 +57,8 @@ def _in_a_turn(values: Values) -> bool:
 
 
 def _beside_zero(values: Values) -> bool:
-    return 0.0 in values and any(value >= 1.0 and value == round(value) for value in values)
+    whole = [value for value in values if value >= 1.0 and value == round(value)]
+    return len(values) == 2 and 0.0 in values and len(whole) == 1
 
 
 NO_SLIDING = 10.0

@@ -60,7 +60,7 @@ class Shown:
             rule = "it is a dataset of a product, as vsr.run returns it"
             raise InputError(Problem("vsr", "", source, rule, "ask the dataset that it is made of"))
 
-    def _check_folder(self, *, beside: bool = True) -> dict[str, int]:
+    def _check_folder(self, *, beside: bool = True) -> tuple[dict[str, int], set[str]]:
         """Refuse a dataset whose folder has come to hold another result since.
 
         Parameters
@@ -70,16 +70,18 @@ class Shown:
         Returns
         -------
         dict, sizes of the file's dimensions
+        set, those of them along which it is not known where the dataset is, or it is over all
         """
         if not self._path.is_file():
             holds = "no such file any more"
         else:
             with netCDF4.Dataset(self._path) as file:
                 same = getattr(file, "vsr_key", "") == self._dataset.attrs["vsr_key"]
-                found = {name: one.size for name, one in file.dimensions.items()}
+                sizes = {name: one.size for name, one in file.dimensions.items()}
+                lost = {*sizes} & {*file.variables} - {*map(str, self._dataset.coords)}
             anew = remade(self._path.stem, Store(self._path.parent).manifests()) if beside else ""
             if same and not anew:
-                return found
+                return sizes, lost
             holds = f"another {anew or 'result'} than that of this dataset"
         remedy = "make it again, and give each rock in a notebook its own name="
         rule = "a dataset shows what is in its folder"
@@ -90,8 +92,8 @@ class Shown:
         page = self._page()
         if page.path.is_file():
             return page._repr_html_()
-        self._check_folder()
-        return in_short(self._dataset, self._path)
+        _, lost = self._check_folder()
+        return in_short(self._dataset, self._path, is_of_runs=not lost)
 
     @property
     def page(self) -> Page:
@@ -132,7 +134,7 @@ class Shown:
         return figure
 
     def _figure(self, yaw: float | None, friction: float | None) -> Figure:
-        folder, kind, sizes = self._path.parent, self._path.stem, self._check_folder()
+        folder, kind, (sizes, lost) = self._path.parent, self._path.stem, self._check_folder()
         if kind not in ("fragility", "responses", "displacement", "hazard"):
             rule = "responses, fragility, displacement and hazard have a figure"
             raise InputError(Problem("vsr.plot", "", kind, rule, "plot its variables"))
@@ -145,6 +147,10 @@ class Shown:
             raise InputError(
                 Problem("vsr.plot", ", ".join(sorted(map(str, differ))), "", rule, remedy)
             )
+        if lost & _PLACES:
+            rule, remedy = "the figure is of a known yaw and friction", "select without drop=True"
+            given = "dropped, or averaged over"
+            raise InputError(Problem("vsr.plot", ", ".join(sorted(lost)), given, rule, remedy))
         if kind == "displacement":
             terrain, rock = read(folder / "terrain.nc"), read(folder / "rock.nc")
             # as it is in the file: samples are of runs in that order

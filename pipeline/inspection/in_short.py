@@ -17,21 +17,22 @@ from vsr_core.outcome import Outcome
 PAGE = "in_short.html"
 
 
-def in_short(data: xr.Dataset, path: Path) -> str:
+def in_short(data: xr.Dataset, path: Path, *, is_of_runs: bool = True) -> str:
     """HTML of a dataset that was read from a product, or is a part of it.
 
     Parameters
     ----------
     path : Path, of the product, beside which the rock is looked for
+    is_of_runs : bool, and of no means over them, nor of places that are not known
     """
     lines = []
     if (rock := path.with_name("rock.nc")).is_file():
         lines.append(("rock", _rock(read(rock))))
-    if "outcome" in data:
+    if "outcome" in data and is_of_runs:
         codes = data["outcome"].values
         counts = np.array([np.count_nonzero(codes == outcome) for outcome in Outcome])
         lines.append(("runs", f"{counts.sum():,}: {tally(counts)[0]}"))
-    if "first_overturning_pga" in data:
+    if "first_overturning_pga" in data and is_of_runs:
         lines.append(_boundary(with_places(data)))
     if "boundary_error" in data:
         lines.append(("error of the boundary", _error(data)))

@@ -132,9 +132,10 @@ def test_files_that_are_not_read_are_named(folder: Path) -> None:
         (folder / name).write_text("")
     said = [line for line in remarks(folder, read_tests(folder)) if "nothing reads" in line]
     alone = Folder(folder, ()).digests()
-    assert find(site_of(folder)).digests().keys() - alone.keys() == set(said)  # it is told of anew
-    names = "'motions.cdf', 'records (1).nc', 'table.txt'"
-    assert said == [f"{names} left out, as nothing reads a file of that name there"]
+    names = ["motions.cdf", "records (1).nc", "table.txt"]
+    assert find(site_of(folder)).digests().keys() - alone.keys() == {*names}  # it is told of anew
+    shown = ", ".join(map(repr, names))
+    assert said == [f"{shown} left out, as nothing reads a file of that name there"]
 
 
 def test_which_of_several_accelerations_counts_is_told(folder: Path) -> None:

@@ -253,6 +253,8 @@ def test_responses_without_a_page_show_themselves_in_short() -> None:
     assert "error of the boundary not measured, at a time step of 4 ms" in said
     one = re.sub(r"<[^>]*>|\s+", " ", made.isel(yaw=0).vsr._repr_html_())
     assert "runs 2: 2 overturned" in " ".join(one.split())  # at 0.3 g, as it is 1:4
+    for over in (made.max("yaw"), made.max("pga"), made.isel(yaw=0, drop=True)):
+        assert " runs " not in over.vsr._repr_html_()
     with pytest.raises(vsr.InputError, match=r"report\.html was not made; call vsr\.fragility"):
         made.vsr.page  # noqa: B018 (it is the asking that fails)
     (cells,) = made.vsr.plot(yaw=30).axes
@@ -303,6 +305,9 @@ def test_what_a_dataset_does_not_have_is_refused() -> None:
         with pytest.raises(
             vsr.InputError, match="the figure needs all dimensions but yaw and fric"
         ):
+            part.vsr.plot()
+    for part in (made.isel(yaw=0, drop=True), made.mean(["yaw", "friction"])):
+        with pytest.raises(vsr.InputError, match=r"yaw: got dropped, or averaged over; the figure"):
             part.vsr.plot()
     for wrong in ({"yaw": "x"}, {"yaw": [0]}, {"friction": float("nan")}):
         with pytest.raises(vsr.InputError, match=r"got .* it is one of 0(\.6)?; give one"):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.config.folder_names import check_links, unread
+from pipeline.config.folder_names import NOT_READ, check_links, in_a_line, unread
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.in_si import in_g
 from pipeline.config.layers import Origin
@@ -140,7 +140,7 @@ class Curves(FilesInput):
     ----------
     events : Events, where they are what the curves are of
     disaggregated : Path, of the disaggregation, if there is one
-    unread : other files of the folders, in words, so that one is told of when it comes
+    unread : names of other files of the folders
     unused : what else files and folders hold, in words
     """
 
@@ -194,7 +194,7 @@ def find(hazard: HazardConfig, origin: Origin) -> Curves:
         found, events = simulated.model, simulated.events
     else:
         found, events = load(path), None
-    unused = (*found.unused, *others)
+    unused = (*found.unused, *in_a_line(others))
     if disaggregated is not None:
         of_earthquakes = load_disaggregation(disaggregated)
         _check_place(disaggregated, of_earthquakes.location, found.location)
@@ -243,7 +243,7 @@ def _read(path: Path, disaggregated: Path | None, *, of_events: bool) -> list[Pa
 
 
 def _unread(path: Path, disaggregated: Path | None, read: list[Path]) -> Iterator[str]:
-    """What else is in the folders of them, in words, but for exports that have no part here."""
+    """What else is in the folders of them, by name, but for exports that have no part here."""
     for folder in dict.fromkeys((path, disaggregated)):
         if folder and folder.is_dir():
             yield from unread(folder, [*read, *chain.from_iterable(map(folder.glob, OTHERS))])
@@ -251,7 +251,7 @@ def _unread(path: Path, disaggregated: Path | None, read: list[Path]) -> Iterato
 
 def _digests(paths: list[Path], unread: tuple[str, ...]) -> dict[str, str]:
     """Digests of the files, by their names."""
-    return {_name(path): digest_file(path) for path in paths} | dict.fromkeys(unread, "told")
+    return {_name(path): digest_file(path) for path in paths} | dict.fromkeys(unread, NOT_READ)
 
 
 def _name(path: Path) -> str:

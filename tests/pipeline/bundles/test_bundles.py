@@ -437,6 +437,7 @@ def test_curves_in_folders_of_a_folder_are_in_it(
     curves = tmp_path / "model" / "PGA" / "curves.csv"
     curves.parent.mkdir(parents=True)
     curves.write_text("name,lon,lat,0.01,0.1,1.0\nhere,-120.9,35.2,2.0e-1,4.0e-3,2.0e-5\n")
+    curves.with_name("notes.docx").touch()  # which nothing reads, and no bundle holds
     ratio = "{pga: [0.1], median: [0.2], log_sd: [0.3]}"
     age = "{kind: normal, mean: 3000}"
     site = write_site(
@@ -448,6 +449,8 @@ def test_curves_in_folders_of_a_folder_are_in_it(
     assert (ran.code, "is not in it" in ran.err) == (cli.DONE, False), ran.err
     ran = vsr("check", tmp_path / "study.zip")
     assert (ran.code, ran.err) == (cli.DONE, ""), ran.out
+    curves.with_name("more.docx").touch()
+    assert "file PGA/more.docx new" in vsr("why", "hazard", "--site", site).out
 
 
 @pytest.mark.parametrize("share", slow_but([0.999], [0.0, 0.3, 0.999]))

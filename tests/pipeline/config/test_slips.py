@@ -34,6 +34,7 @@ SUSPECT = {
     "contact.friction=35": "degrees?",
     "uncertainty.friction=[24, 37]": "degrees?",
     "contact.friction=[0, 6]": "decimal comma?",
+    "contact.friction=[0, 20, 35]": "degrees?",
     "rock.density=26": "kN/m3?",
     "rock.density=165": "lb/ft3?",
     "rock.size=[10, 10, 20]": "cm?",
@@ -69,7 +70,12 @@ def test_each_slip_has_a_case() -> None:
     [
         *("yaw=[0, 1, 2]", "yaw=[22.5, 45]", "yaw=0", "yaw=[-30, 30]"),
         *("motion.pga={start: 0.02, stop: 2.5, num: 9}", "motion.pgv_pga=[0.02, 1]"),
-        *("contact.friction=[0, 0.6]", "contact.friction=0", "contact.friction=[0.4, 10]"),
+        *(
+            "contact.friction=[0, 0.6]",
+            "contact.friction=0",
+            "contact.friction=[0, 0.5, 1]",
+            "contact.friction=[0.4, 10]",
+        ),
         *("rock.density=1050", "rock.density=450", "rock.size=[0.05, 0.05, 0.12]"),
         *(AGE.replace("20", "2000"), FILTERED + "highpass: 0.1, lowpass: 25}}"),
     ],

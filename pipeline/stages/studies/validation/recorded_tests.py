@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from pipeline.config import in_si
-from pipeline.config.folder_names import check_links, check_names, unread
+from pipeline.config.folder_names import NOT_READ, check_links, check_names, unread
 from pipeline.config.layers import Origin, Site, load_file
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located, shown
@@ -135,7 +135,7 @@ def site_of(folder: Path) -> Site:
 
 @dataclass(frozen=True)
 class Folder(Input):
-    """A folder of tests, the files in it that count, and others, which are told, in words."""
+    """A folder of tests, the files in it that count, and the names of others, which are told."""
 
     path: Path
     unread: tuple[str, ...]
@@ -143,7 +143,7 @@ class Folder(Input):
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
         found = {path.name: digest_file(path) for path in files_of(self.path) if path.is_file()}
-        return found | dict.fromkeys(self.unread, "told")
+        return found | dict.fromkeys(self.unread, NOT_READ)
 
 
 def files_of(folder: Path) -> list[Path]:
@@ -153,7 +153,7 @@ def files_of(folder: Path) -> list[Path]:
 
 def find(origin: Origin) -> Folder:
     """The tests that a site stands for."""
-    return Folder(origin.folder, tuple(unread(origin.folder, files_of(origin.folder))))
+    return Folder(origin.folder, unread(origin.folder, files_of(origin.folder)))
 
 
 def scans_in(folder: Path) -> dict[int, Path]:

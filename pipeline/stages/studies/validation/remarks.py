@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.config import in_si
-from pipeline.config.folder_names import unread
+from pipeline.config.folder_names import in_a_line, unread
 from pipeline.config.sections import STRONG_PGA
 from pipeline.config.slips import radians_of
 from pipeline.stages.studies.validation.recorded_tests import (
@@ -57,7 +57,7 @@ published records of tests is 0.58."""
 
 def remarks(folder: Path, tests: Tests) -> Iterator[str]:
     """In what records and table differ more than is usual, in words."""
-    yield from unread(folder, files_of(folder))
+    yield from in_a_line(unread(folder, files_of(folder)))
     records, config = (folder / RECORDS).is_file(), tests.config
     if config.stepper if records else config.acceleration:
         name, count = ("stepper", "a") if records else ("acceleration", "no")
