@@ -180,7 +180,7 @@ def test_any_run_can_be_replayed(vsr: Vsr, site: str, tmp_path: Path) -> None:
     assert len(table(folder, "lines_of_runs")) == LINES // 2
     assert len(table(folder, "runs")) == 2
     (page,) = (folder / "replays").glob("*.html")
-    assert "its outcome is identical to that stored" in page.read_text(encoding="utf-8")
+    assert "stored in <code>runs.sqlite</code>" in page.read_text(encoding="utf-8")
 
 
 def test_paths_over_a_terrain_are_all_kept(refused: Callable[..., str]) -> None:

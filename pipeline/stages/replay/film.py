@@ -42,14 +42,13 @@ class Played:
     Attributes
     ----------
     along : float [rad], direction of the shaking, counter-clockwise from +x
-    compared : tuple of str, of ``RESULTS``, which are those that the study stored of it, to the
-        last digit; none of another engine's
+    own : bool, whether it is a run of the study, whose stored outcome it has
     """
 
     choice: Choice
     replay: Replay
     along: float
-    compared: tuple[str, ...]
+    own: bool
 
 
 def played(
@@ -78,9 +77,10 @@ def played(
         replay = do_again(place, motion, settings, spacing=spacing, longest=longest)
     except InvalidInput as error:
         raise InputError.from_invalid(choice.engine, "", error) from None
-    compared = _compared(replay.response, stored) if stored else ()
+    if stored:
+        _compare(replay.response, stored)
     along = -math.radians(choice.group.yaw) if isinstance(place, TerrainCase) else 0.0
-    return Played(choice, replay, along, compared)
+    return Played(choice, replay, along, stored is not None)
 
 
 def _own(study: Study, choice: Choice) -> tuple[Case | TerrainCase, Settings]:
@@ -102,15 +102,14 @@ def _place(scenes: Scenes, choice: Choice) -> Case | TerrainCase:
     return case(scenes, choice.group)
 
 
-def _compared(found: Response, stored: Mapping[str, Any]) -> tuple[str, ...]:
-    """Refuse a run that is not the one of the study, number by number; what of it was stored."""
-    known = tuple(name for name in RESULTS if name in stored)
+def _compare(found: Response, stored: Mapping[str, Any]) -> None:
+    """Refuse a run that is not the one of the study, number by number."""
+    known = [name for name in RESULTS if name in stored]
     if differs := [name for name in known if getattr(found, name) != stored[name]]:
         given = f"{found.outcome.name.lower()}, {found.decided_by.how}"
         rule = f"the run stored for this cell has another {', '.join(differs)}"
         remedy = "make the study anew: vsr clean, then vsr run fragility"
         raise InputError(Problem(RUNS, "", given, rule, remedy))
-    return known
 
 
 SCRIPTS = tuple(

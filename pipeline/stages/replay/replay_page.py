@@ -147,7 +147,7 @@ def _facts(run: Played, shaking: Shaking) -> dict[str, Any]:
         "pgv_pga": shaking.pgv_pga[choice.cell.row],
         "record": str(shaking.rows[choice.cell.row]) if record else None,
         "engine": choice.engine,
-        "compared": run.compared,
+        "own": run.own,
         "outcome": response.outcome.name.lower(),
         "how": response.decided_by.how,
         "simulated": response.steps > 0,
