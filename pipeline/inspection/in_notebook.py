@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -135,22 +135,8 @@ class Shown:
 
     def _figure(self, yaw: float | None, friction: float | None) -> Figure:
         folder, kind, (sizes, lost) = self._path.parent, self._path.stem, self._check_folder()
-        if kind not in ("fragility", "responses", "displacement", "hazard"):
-            rule = "responses, fragility, displacement and hazard have a figure"
-            raise InputError(Problem("vsr.plot", "", kind, rule, "plot its variables"))
-        if kind == "displacement" and dict(self._dataset.sizes) != sizes:
-            rule, remedy = "the figure needs all runs and their samples", "plot the whole dataset"
-            raise InputError(Problem("vsr.plot", "", "a part of the dataset", rule, remedy))
-        if differ := {*self._dataset.sizes} - _PLACES ^ {*sizes} - _PLACES:
-            rule = "the figure needs all dimensions but yaw and friction, and no other"
-            remedy = "select along yaw and friction only"
-            raise InputError(
-                Problem("vsr.plot", ", ".join(sorted(map(str, differ))), "", rule, remedy)
-            )
-        if lost & _PLACES:
-            rule, remedy = "the figure is of a known yaw and friction", "select without drop=True"
-            given = "dropped, or averaged over"
-            raise InputError(Problem("vsr.plot", ", ".join(sorted(lost)), given, rule, remedy))
+        for key, given, rule, remedy in _faults(self._dataset, kind, sizes, lost):
+            raise InputError(Problem("vsr.plot", key, given, rule, remedy))
         if kind == "displacement":
             terrain, rock = read(folder / "terrain.nc"), read(folder / "rock.nc")
             # as it is in the file: samples are of runs in that order
@@ -167,7 +153,11 @@ class Shown:
         one = data.isel(yaw=[place[0]], friction=[place[1]])
         if kind == "fragility":
             same = {name: one[name].values for name in ("yaw", "friction")}
-            one, fits = read(folder / "responses.nc").sel(same), one
+            try:
+                one, fits = read(folder / "responses.nc").sel(same), one
+            except KeyError:
+                rule, remedy = "it is of the runs beside it", "plot the dataset as it was made"
+                raise InputError(Problem("vsr.plot", "", name, rule, remedy)) from None
         return overturning_diagram(one, fits, (0, 0), name)
 
     def replay(self, **coordinates: float | str) -> Page:
@@ -185,6 +175,40 @@ class Shown:
             remedy = "call vsr.fragility(...) first, which reads what exists"
             raise InputError(Problem("vsr.replay", "", given, rule, remedy))
         return Page(MADE[self._path](**coordinates))
+
+
+def _faults(
+    data: xr.Dataset, kind: str, sizes: dict[str, int], lost: set[str]
+) -> Iterator[tuple[str, str, str, str]]:
+    """Why a dataset, or a part of one, cannot be drawn: key, given, rule and remedy.
+
+    Parameters
+    ----------
+    sizes, lost : as of ``Shown._check_folder``
+    """
+    if kind not in ("fragility", "responses", "displacement", "hazard"):
+        rule = "responses, fragility, displacement and hazard have a figure"
+        yield "", kind, rule, "plot its variables"
+    if kind == "displacement" and dict(data.sizes) != sizes:
+        rule = "the figure needs all runs and their samples"
+        yield "", "a part of the dataset", rule, "plot the whole dataset"
+    if differ := {*map(str, data.sizes)} - _PLACES ^ {*sizes} - _PLACES:
+        rule = "the figure needs all dimensions but yaw and friction, and no other"
+        yield ", ".join(sorted(differ)), "", rule, "select along yaw and friction only"
+    if gone := lost & _PLACES:
+        rule = "the figure is of a known yaw and friction"
+        yield ", ".join(sorted(gone)), "dropped, or averaged over", rule, "select without drop=True"
+    if mixed := sorted(name for name in sizes if _is_mixed(data, name)):
+        rule = "values along an axis are in order, each once"
+        yield ", ".join(mixed), "", rule, "plot the whole dataset"
+
+
+def _is_mixed(data: xr.Dataset, name: str) -> bool:
+    """Whether the numbers along a dimension are neither ascending nor descending."""
+    if name in _PLACES or name not in data.indexes or data.indexes[name].dtype.kind != "f":
+        return False
+    along = np.diff(data[name].values)
+    return not (np.all(along > 0.0) or np.all(along < 0.0))
 
 
 def _at(data: xr.Dataset, name: str, value: float | None) -> int:

@@ -309,6 +309,12 @@ def test_what_a_dataset_does_not_have_is_refused() -> None:
     for part in (made.isel(yaw=0, drop=True), made.mean(["yaw", "friction"])):
         with pytest.raises(vsr.InputError, match=r"yaw: got dropped, or averaged over; the figure"):
             part.vsr.plot()
+    for mixed in (made.isel(pga=[1, 0, 1]), made.isel(pga=[0, 0])):
+        with pytest.raises(vsr.InputError, match="pga: values along an axis are in order, each"):
+            mixed.vsr.plot()
+    assert made.isel(pga=[1, 0]).vsr.plot().axes
+    with pytest.raises(vsr.InputError, match="got yaw 7 deg; it is of the runs beside it"):
+        fragile.assign_coords(yaw=[7.0]).vsr.plot(yaw=7)
     for wrong in ({"yaw": "x"}, {"yaw": [0]}, {"friction": float("nan")}):
         with pytest.raises(vsr.InputError, match=r"got .* it is one of 0(\.6)?; give one"):
             made.vsr.plot(**wrong)
