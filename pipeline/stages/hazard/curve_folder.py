@@ -251,7 +251,7 @@ def _unread(path: Path, disaggregated: Path | None, read: list[Path]) -> Iterato
 
 def _digests(paths: list[Path], unread: tuple[str, ...]) -> dict[str, str]:
     """Digests of the files, by their names."""
-    return {_name(path): digest_file(path) for path in paths} | dict.fromkeys(unread, NOT_READ)
+    return dict.fromkeys(unread, NOT_READ) | {_name(path): digest_file(path) for path in paths}
 
 
 def _name(path: Path) -> str:

@@ -142,8 +142,8 @@ class Folder(Input):
 
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
-        found = {path.name: digest_file(path) for path in files_of(self.path) if path.is_file()}
-        return found | dict.fromkeys(self.unread, NOT_READ)
+        read = {path.name: digest_file(path) for path in files_of(self.path) if path.is_file()}
+        return dict.fromkeys(self.unread, NOT_READ) | read
 
 
 def files_of(folder: Path) -> list[Path]:

@@ -768,6 +768,22 @@ def test_a_disaggregation_of_another_name_is_told(tmp_path: Path, name: str) -> 
     assert [line for line in found.unused if "nothing reads" in line] == [told]
 
 
+def test_weights_count_beside_a_file_of_their_name_that_nothing_reads(tmp_path: Path) -> None:
+    """In the folder of the disaggregation, which has realizations of its own."""
+    curves, other = tmp_path / "curves", tmp_path / "disaggregation"
+    shutil.copytree(MADE_UP, curves)
+    other.mkdir()
+    disaggregated(other, {"mean": MEAN})
+    weights = Path(shutil.copy(curves / "realizations_1.csv", other)).name
+    given = (f"hazard.curves={curves}", "hazard.age={kind: normal, mean: 5000}")
+    site = load_site("double_rock", None, (*given, f"hazard.disaggregation={other}"))
+    found = curve_folder.find(site.config.hazard, site)
+    assert found.unread == (weights,)
+    before = found.digests()
+    (curves / weights).write_text((curves / weights).read_text(encoding="utf-8") + "\n")
+    assert found.digests() != before
+
+
 @pytest.mark.parametrize("name", ["PGV/{}", "curve-{}"])
 def test_curves_of_pgv_of_another_name_or_place_are_told(tmp_path: Path, name: str) -> None:
     """All nine and the mean, without which PGV/PGA is assumed."""
