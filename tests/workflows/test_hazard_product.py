@@ -176,6 +176,16 @@ def test_the_mean_curve_scaled_leaves_just_the_chance_asked_for(
     fits, scale = read(made / "fragility.nc"), hazard["scale_factor"].item()
     chance = by_row(fits, hazard, pga, scale).sum(axis=0)
     assert survived(np.array(chance @ rate)) == pytest.approx(LEAST, rel=0.02)
+    own = fits["pgv_pga"].values  # each twice the one before
+    others = [fits.isel(pgv_pga=slice(first, None, 2)) for first in (0, 1)]
+    others += [fits.assign_coords(pgv_pga=own * 2.0**part) for part in (-0.1, 0.1)]
+    for end, furthest in (("low", min), ("high", max)):
+        factor = hazard[f"scale_factor_{end}"].item()
+        stood = [
+            float(survived(np.array(by_row(one, hazard, pga, factor).sum(axis=0) @ rate)))
+            for one in (fits, *others)
+        ]
+        assert furthest(stood) == pytest.approx(LEAST, rel=0.03)
 
 
 def test_the_fragility_is_that_of_the_fits_over_pgv_pga_of_the_curves(

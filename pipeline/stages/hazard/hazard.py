@@ -18,7 +18,7 @@ from pipeline.stages.hazard import sensitivity
 from pipeline.stages.hazard.curve_folder import Curves
 from pipeline.stages.hazard.exclusion import ExclusionData
 from pipeline.stages.hazard.exclusion import facts as of_earthquakes
-from pipeline.stages.hazard.hazard_dataset import dataset, drawn_tables, pga_at, table
+from pipeline.stages.hazard.hazard_dataset import SCALES, dataset, drawn_tables, pga_at, table
 from pipeline.stages.hazard.hazard_page import page, strength
 from pipeline.stages.hazard.one_rock import alike_in_shape
 from pipeline.stages.hazard.open_ends import of_scale, open_cases, open_ends
@@ -77,7 +77,8 @@ def make(
     found = dataset(analysis, results, by_member, all_cases)
     beyond = open_ends(analysis, results, origin, of_pgv=of_pgv)
     scale, late = of_scale(analysis, found["scale_factor"].item(), of_pgv=of_pgv)
-    found["scale_factor"] = (), scale
+    if math.isnan(scale):
+        found = found.assign(dict.fromkeys(SCALES, scale))
     of_others = open_cases(all_cases, compared, beyond, origin)
     not_known = (*beyond, *late, *of_others, *sensitivity.too_coarse(all_cases))
     for one in (*beside.slips(), *not_known):

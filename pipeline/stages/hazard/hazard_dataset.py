@@ -9,8 +9,8 @@ import pandas as pd
 import xarray as xr
 
 from pipeline.config import in_si
-from pipeline.stages.hazard.rock_fragility import DRAWN
-from pipeline.stages.hazard.sensitivity import Case
+from pipeline.stages.hazard.rock_fragility import DRAWN, OTHER_ROWS
+from pipeline.stages.hazard.sensitivity import BASE_CASE, Case
 from pipeline.stages.hazard.survival_analysis import (
     BranchResults,
     Sampling,
@@ -25,6 +25,9 @@ from vsr_core.hazard.toppling import FINEST, averaged, toppling
 
 COLUMNS = ("branch", "path", "weight", "toppling_rate", "survival", "survival_low",
            "survival_high", "survival_error", "rejected", "new_weight")  # fmt: skip
+
+SCALES = ("scale_factor", "scale_factor_low", "scale_factor_high")
+"""The factor on the mean curve, and its ends by other PGV/PGA of the runs."""
 
 OF_EVENTS = ("toppling_rate_error", "survival_sampling_error")
 """Columns of simulated earthquakes beside these."""
@@ -77,6 +80,7 @@ def dataset(
             _by_age(analysis, analysis.rocks[0].ages),
             _disaggregated(analysis),
             _cases(cases),
+            _scaled(cases),
             _sampled(sampling(analysis, results)),
         ],
         combine_attrs="drop",
@@ -201,7 +205,6 @@ def _curves(analysis: SurvivalAnalysis, results: BranchResults, at: Array) -> xr
         only_dropped = mean_curve(analysis.curves, weights / weights.sum(), analysis.model.levels)
     curves = {"before": analysis.before, "after": results.after, "dropped": only_dropped}
     before = fractiles(analysis.curves, analysis.weights, at, FRACTILES)
-    scale = largest_scale(analysis.survival_scaled, analysis.minimum)
     return xr.Dataset(
         {
             "branch_rate": (("branch", "pga"), [_rates(one, at) for one in analysis.curves]),
@@ -213,12 +216,18 @@ def _curves(analysis: SurvivalAnalysis, results: BranchResults, at: Array) -> xr
                 f"pga_{name}": ("return_period", [pga_at(one, years) for years in RETURN_PERIODS])
                 for name, one in curves.items()
             },
-            "scale_factor": ((), scale),
             "effective_branches_before": ((), effective_number(analysis.weights)),
             "effective_branches_after": ((), effective_number(results.weights)),
         },
         {"fractile": list(FRACTILES), "return_period": list(RETURN_PERIODS)},
     )
+
+
+def _scaled(cases: Sequence[Case]) -> xr.Dataset:
+    """The largest factor on the mean curve, and its ends by other PGV/PGA of the runs."""
+    analyses = [one.analysis for one in cases if one.name in (BASE_CASE, *OTHER_ROWS)]
+    found = [largest_scale(one.survival_scaled, one.minimum) for one in analyses]
+    return xr.Dataset(dict(zip(SCALES, (found[0], min(found), max(found)), strict=True)))
 
 
 def _rates(curve: HazardCurve | None, at: Array) -> Array:

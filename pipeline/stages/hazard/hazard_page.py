@@ -15,7 +15,7 @@ from pipeline.drawing.style import svg_uri
 from pipeline.stages.hazard import hazard_figures as figures
 from pipeline.stages.hazard import sensitivity
 from pipeline.stages.hazard.curve_folder import Curves
-from pipeline.stages.hazard.hazard_dataset import COLUMNS, OF_EVENTS, pga_at
+from pipeline.stages.hazard.hazard_dataset import COLUMNS, OF_EVENTS, SCALES, pga_at
 from pipeline.stages.hazard.hazard_model import MOST_PGA
 from pipeline.stages.hazard.rock_ages import of_age
 from pipeline.stages.hazard.shaking_ratio import DEFAULT, DRAWN_AGAIN, AssumedShaking
@@ -112,11 +112,24 @@ def _results(
         "branches": [_row(hazard.isel(branch=i)) for i in np.sort(heavy)],
         "periods": np.column_stack([hazard[name] for name in periods]).tolist(),
         "scale": hazard["scale_factor"].item(),
+        "scales": _by_rows(*(hazard[name].item() for name in SCALES)),
         "effective": [hazard[f"effective_branches_{name}"].item() for name in ("before", "after")],
         "cases": cases,
         "anew": next((case for case in cases if case["name"] == sensitivity.DRAWN_ANEW), None),
         "sampling": float(hazard["survival_error"].max()),
     }
+
+
+def _by_rows(scale: float, low: float, high: float) -> str:
+    """The ends of a factor by other PGV/PGA of the runs, in brackets; empty where they are it.
+
+    >>> _by_rows(1.4, 1.2, 2.0), _by_rows(1.4, 1.2, math.inf)
+    (' (1.2 to 2 by other PGV/PGA of the runs)', ' (1.2 or more by other PGV/PGA of the runs)')
+    """
+    if low == scale == high:
+        return ""
+    span = f"{low:.3g} to {high:.3g}" if high < math.inf else f"{low:.3g} or more"
+    return f" ({span} by other PGV/PGA of the runs)"
 
 
 def _row(branch: xr.Dataset) -> dict[str, Any]:
