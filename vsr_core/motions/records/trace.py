@@ -62,6 +62,10 @@ def _summed(steps: Array) -> Array:
 DAMPING = 0.05
 """Damping of the oscillators, as a share of the critical."""
 
+PARTS = 64
+"""Times in a period at which an oscillator is looked at, of which the largest is 0.12 % too small
+at most."""
+
 SIGNIFICANT = (0.05, 0.95)
 """Shares of the Arias intensity between which the significant duration lies."""
 
@@ -72,7 +76,7 @@ class Measures:
 
     Attributes
     ----------
-    pga : float [m/s^2], and ``pgv`` [m/s], ``pgd`` [m]: largest absolute values at the samples
+    pga : float [m/s^2], and ``pgv`` [m/s], ``pgd`` [m]: largest absolute values, at any time
     pgv_pga : float [s]
     sa_1hz, sa_2hz : float [m/s^2], pseudo-spectral acceleration at 5 % damping
     arias : float [m/s], pi / (2 g) times the integral of the squared acceleration
@@ -98,10 +102,9 @@ def measures(trace: Trace) -> Measures:
     ----------
     Arias, A. (1970), in Seismic Design for Nuclear Power Plants, MIT Press: Arias intensity.
     """
-    pga, pgv, pgd = (
-        float(np.abs(part).max())
-        for part in (trace.acceleration, trace.velocity, trace.displacement)
-    )
+    slopes = np.diff(trace.acceleration) / trace.interval
+    line = scipy.interpolate.PPoly([slopes, trace.acceleration[:-1]], trace.times)
+    pga, pgv, pgd = (_peak(one) for one in (line, line.antiderivative(), line.antiderivative(2)))
     energy = _squared(trace)
     sa_1hz, sa_2hz = spectrum(trace, np.array([1.0, 2.0]))
     starts, ends = (_reached(energy, trace.interval, share) for share in SIGNIFICANT)
@@ -118,11 +121,18 @@ def measures(trace: Trace) -> Measures:
     )
 
 
+def _peak(curve: scipy.interpolate.PPoly) -> float:
+    """Largest absolute value of a polynomial by intervals, at their ends or between."""
+    flat = curve.derivative().roots(discontinuity=False, extrapolate=False)
+    at = np.concatenate([curve.x, flat[np.isfinite(flat)]])  # NaN where it is zero for long
+    return float(np.abs(curve(at)).max())
+
+
 def spectrum(trace: Trace, frequencies: Array, damping: float = DAMPING) -> Array:
     """Pseudo-spectral acceleration: squared angular frequency times the largest displacement.
 
     Exact for an acceleration that is straight between its samples, which then stops; the largest
-    of the relative displacement at the samples, those of one more period included.
+    of the relative displacement at ``PARTS`` times a period or more, one more period included.
 
     Parameters
     ----------
@@ -184,11 +194,20 @@ def _largest(trace: Trace, w: float, damping: float) -> float:
     starts = np.concatenate([trace.acceleration[:-1], tail])
     slopes = np.concatenate([np.diff(trace.acceleration) / h, tail])
     push = np.outer(held, starts) + np.outer(rising, slopes)
-    # x[k + 1] = step x[k] + push[k] from rest, as a filter of second order for the displacement
+    # x[k + 1] = step x[k] + push[k] from rest, as filters of second order for its two parts
     below = [1.0, -float(np.trace(step)), float(np.linalg.det(step))]
-    relative = scipy.signal.lfilter([0.0, 1.0, -step[1, 1]], below, np.append(push[0], 0.0))
-    relative += scipy.signal.lfilter([0.0, 0.0, step[0, 1]], below, np.append(push[1], 0.0))
-    return w**2 * float(np.abs(relative).max())
+    state = np.zeros((4, len(starts) + 1))
+    for own, other in ((0, 1), (1, 0)):
+        state[own] = _filtered([0.0, 1.0, -step[other, other]], below, push[own])
+        state[own] += _filtered([0.0, 0.0, step[own, other]], below, push[other])
+    state[2:, :-1] = starts, slopes
+    parts = math.ceil(PARTS * w * h / (2.0 * math.pi))
+    between = (scipy.linalg.expm(system * h * k / parts)[0] for k in range(parts))
+    return w**2 * max(float(np.abs(row @ state).max()) for row in between)
+
+
+def _filtered(above: list[float], below: list[float], push: Array) -> Array:
+    return np.asarray(scipy.signal.lfilter(above, below, np.append(push, 0.0)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from vsr_core.motions.records import processing
 from vsr_core.motions.records.formats import Reading, read
 from vsr_core.motions.records.processing import Processing, process
 from vsr_core.motions.records.record import check_rest, repaired
-from vsr_core.motions.records.trace import RecordedMotion, Trace, measures, spectrum
+from vsr_core.motions.records.trace import PARTS, RecordedMotion, Trace, measures, spectrum
 
 samples = arrays.arrays(
     np.float64, st.integers(2, 40), elements=st.floats(-20.0, 20.0, allow_subnormal=False)
@@ -262,23 +262,35 @@ def test_spectrum_at_resonance_and_at_its_ends() -> None:
     assert low / (2.0 * np.pi * soft) ** 2 == pytest.approx(pgd, rel=0.05)
 
 
-def test_spectrum_is_exact_whatever_the_step() -> None:
+def test_measures_are_those_of_the_motion_between_its_samples_too() -> None:
+    """The same straight lines in 64 times as many samples."""
     coarse = Trace(VALUES, STEP)
-    t = np.arange(0.0, coarse.duration, STEP / 16)
-    fine = Trace(np.interp(t, coarse.times, VALUES), STEP / 16)
-    hertz = np.array([0.5, 1.0, 2.0])
-    # the same straight lines: only what lies between the samples of the response differs
+    t = np.arange(64 * (len(VALUES) - 1) + 1) * STEP / 64
+    fine = Trace(np.interp(t, coarse.times, VALUES), STEP / 64)
+    hertz = np.array([0.1, 0.25, 0.5, 1.0, 2.0]) / STEP
     np.testing.assert_allclose(spectrum(coarse, hertz), spectrum(fine, hertz), rtol=2e-3)
+    one, other = measures(coarse), measures(fine)
+    for name, samples in (("pgv", fine.velocity), ("pgd", fine.displacement)):
+        assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-9)
+        assert getattr(one, name) == pytest.approx(np.abs(samples).max(), rel=1e-3)
+        assert getattr(one, name) >= np.abs(samples).max() * (1.0 - 1e-12)
+
+
+def test_a_pulse_of_three_samples_is_fastest_where_its_acceleration_crosses_zero() -> None:
+    """1, -1 and 1 m/s^2, a second apart: v = t - t^2 and d = t^2/2 - t^3/3 in the first second."""
+    found = measures(Trace(np.array([1.0, -1.0, 1.0]), 1.0))
+    assert (found.pgv, found.pgv_pga, found.pgd) == pytest.approx((0.25, 0.25, 1.0 / 6.0))
 
 
 def test_spectrum_against_direct_integration() -> None:
     from scipy.integrate import solve_ivp
 
     trace, w = Trace(VALUES, STEP), 2.0 * np.pi * 1.7
+    parts = math.ceil(PARTS * 1.7 * STEP)
     found = solve_ivp(
         lambda t, y: [y[1], -0.1 * w * y[1] - w**2 * y[0] - np.interp(t, trace.times, VALUES)],
         (0.0, trace.duration), [0.0, 0.0], max_step=STEP / 2, rtol=1e-8, atol=1e-10,
-        t_eval=trace.times[:-1],
+        t_eval=np.arange(parts * (len(VALUES) - 1)) * STEP / parts,
     )  # fmt: skip
     inside = w**2 * np.abs(found.y[0]).max()
     assert float(spectrum(trace, np.array([1.7]))[0]) == pytest.approx(inside, rel=1e-4)
