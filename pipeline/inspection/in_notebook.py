@@ -21,7 +21,7 @@ from pipeline.stages.displacement.trajectory_maps import trajectories
 from pipeline.stages.fragility.fragility_figures import fragility_by_yaw, overturning_diagram
 from pipeline.stages.fragility.summary import groups
 from pipeline.stages.hazard.hazard_figures import survival
-from pipeline.workflow.datasets import read
+from pipeline.workflow.datasets import read, rows_of
 from pipeline.workflow.site_folder import remade
 from pipeline.workflow.store import Store
 
@@ -152,7 +152,7 @@ class Shown:
         name, fits = dict(groups(data))[place], None
         one = data.isel(yaw=[place[0]], friction=[place[1]])
         if kind == "fragility":
-            same = {name: one[name].values for name in ("yaw", "friction")}
+            same = {name: one[name].values for name in ("yaw", "friction", rows_of(one))}
             try:
                 one, fits = read(folder / "responses.nc").sel(same), one
             except KeyError:

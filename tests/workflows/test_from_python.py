@@ -276,6 +276,15 @@ def test_a_part_of_a_fragility_shows_the_boundary_and_the_diagram_of_its_own_yaw
     (strokes,) = (one for one in thick.collections if one.get_gid() == "cells")
     held = vsr.responses(BLOCK, PULSES, yaw=[0, 90], **QUICK).sel(yaw=90)
     assert (strokes.get_array() == 2).sum() == (held.overturned == 1).sum()
+    rows = vsr.pulses([0.3, 0.9], [0.1, 0.3, 0.5])
+    many = vsr.fragility(BLOCK, rows, name="many", **QUICK)
+    ran = vsr.responses(BLOCK, rows, name="many", **QUICK)
+    for part in ([0, 2], [2, 1]):
+        axes = many.isel(pgv_pga=part).vsr.plot().axes[0]
+        (cells,) = (one for one in axes.collections if one.get_gid() == "cells")
+        overturned = ran.overturned.isel(pgv_pga=part, yaw=0, friction=0).values
+        assert cells.get_array().shape == (2, 2)
+        assert (cells.get_array() == 2).sum() == (overturned == 1).sum()
 
 
 def test_a_dataset_of_a_file_alone_says_how_its_runs_are_replayed() -> None:

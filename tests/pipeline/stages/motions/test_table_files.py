@@ -258,6 +258,18 @@ def test_a_way_that_is_cut_off_is_no_motion(lowest: float, flicker: float, tmp_p
         load(path)
 
 
+def test_a_way_that_is_cut_off_where_its_last_digit_flickers_is_no_motion(tmp_path: Path) -> None:
+    """At 70 % of its range on one side, in steps so long that no corner stands out of them."""
+    time = np.arange(0.0, 6.0, 0.01)
+    way = 20.0 * np.sin(np.pi * time / 6.0) ** 4 * np.sin(2.0 * np.pi * time)
+    noise = np.random.default_rng(0).choice([0.0, 0.02], len(time))
+    path = write(tmp_path / "table.csv", "time [s],x [mm]", time, way)
+    load(path)
+    write(path, "time [s],x [mm]", time, np.where(way > 14.0, 14.0 + noise, way))
+    with pytest.raises(InvalidInput, match=r"stand still from or to \d\."):
+        load(path)
+
+
 def test_a_way_may_rest_between_pulses(tmp_path: Path) -> None:
     """From rest it starts as hard as it bends later: acceleration in steps, then rest aside."""
     time = np.arange(0.0, 4.0, 0.005)
