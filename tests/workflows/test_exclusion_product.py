@@ -67,7 +67,6 @@ def chance(fits: xr.Dataset, magnitude: float, distance: float) -> float:
 def test_numbers_are_those_of_fits_and_ground_motion(
     vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, folder: Path
 ) -> None:
-    (folder / "faults.csv").write_text(FAULTS.replace("far,", "near,"))  # of two kinds of its own
     ran = vsr("run", "exclusion", "--site", write_site(site_text(folder)))
     assert ran.code == 0, ran.err
     with xr.open_dataset(derived / "rock" / "fragility.nc") as fits:
@@ -92,6 +91,30 @@ def test_numbers_are_those_of_fits_and_ground_motion(
         assert there == pytest.approx(0.05, abs=0.002)
     page = (derived / "rock" / "exclusion.html").read_text(encoding="utf-8")
     assert "<strong>near</strong>" in page or "of each fault with 5" in page
+
+
+def test_a_fault_is_weighed_by_all_kinds_of_its_earthquakes(
+    vsr: Callable[..., Ran], write_site: Callable[..., str], derived: Path, folder: Path
+) -> None:
+    """Each kind alone it would survive, both it would not; it is one fault of two."""
+    kinds = "near,6.5,5,{0:g},\nnear,6.51,5,{0:g},\nother,6.5,60,1e-5,\n"
+    head = "name,magnitude,distance_km,rate_per_year,mechanism\n"
+    site = write_site(site_text(folder, more=", minimum_survival_probability: 0.05"))
+    (folder / "faults.csv").write_text(head + kinds.format(1e-4))
+    assert vsr("run", "exclusion", "--site", site).code == 0
+    with xr.open_dataset(derived / "rock" / "exclusion.nc") as data:
+        chances = data["fault_toppling_probability"].values
+    rate = -np.log(0.1) / (AGE * chances[0])  # of each kind a tenth survives
+    (folder / "faults.csv").write_text(head + kinds.format(rate))
+    ran = vsr("run", "exclusion", "--site", site)
+    assert (ran.code, "1 of 2 faults rejected" in ran.err) == (0, True), ran.err
+    rows = list(csv.DictReader((derived / "rock" / "exclusion_faults.csv").open()))
+    survived = np.array([float(row["survival"]) for row in rows])
+    both = np.exp(-AGE * rate * chances[:2].sum())
+    np.testing.assert_allclose(survived[:2], [both, both], rtol=1e-5)
+    assert [row["rejected"] for row in rows] == ["1", "1", "0"]
+    page = (derived / "rock" / "exclusion.html").read_text(encoding="utf-8")
+    assert "<strong>near</strong> (M&nbsp;6.5 and 6.51)" in page
 
 
 @pytest.mark.slow

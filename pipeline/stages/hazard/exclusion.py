@@ -32,7 +32,7 @@ from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty.draws import EnsembleData
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import Stored, described, netcdf
-from pipeline.workflow.grammar import counted
+from pipeline.workflow.grammar import counted, listed
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array, Mask
 from vsr_core.hazard import scenarios
@@ -221,16 +221,18 @@ def _map(rock: RockFragility, faults: Faults) -> xr.Dataset:
 
 
 def of_faults(rock: RockFragility, faults: Faults, ages: Array) -> xr.Dataset:
-    """Survival of the rock under each fault alone, and under all of them."""
+    """Survival of the rock under each fault alone, all kinds of its earthquakes, and under all."""
     given = faults.faults
+    names, of = np.unique([one.name for one in given], return_inverse=True)
     magnitudes, distances, rates = (
         np.array([getattr(one, name) for one in given])
         for name in ("magnitude", "distance_km", "rate_per_year")
     )
     chances = _chances(rock, _of_all(faults))
-    alone = np.stack(
-        [scenarios.survival(chances[:, [i]], rates[[i]], ages) for i in range(len(given))], axis=1
-    )
+    each = [
+        scenarios.survival(chances[:, of == i], rates[of == i], ages) for i in range(len(names))
+    ]
+    alone = np.stack(each, axis=1)[:, of]
     toppled, stood = _summed(rock, chances), _summed(rock, alone)
     together = _summed(rock, scenarios.survival(chances, rates, ages))
     ends = ("", "_low", "_high")
@@ -260,13 +262,16 @@ def _open(
     often = (ages.mean() * found["fault_rate"].values).tolist()
     yield from open_faults(rock, _of_all(faults), names, often, origin)
     most = of_faults(rock.within_tested(), faults, ages)
-    each = (
-        [*data["fault_survival"].values.tolist(), data["survival_together"].item()]
-        for data in (found, most)
-    )
-    for name, survival, without in zip([*names, "all together"], *each, strict=True):
+    each = ([*_by_fault(data).items(), ("all together", data["survival_together"].item())]
+            for data in (found, most))  # fmt: skip
+    for (name, survival), (_, without) in zip(*each, strict=True):
         of = f"the rock under {name}"
         yield from told_of_untested(survival, without, of, rock.tested[1], origin)
+
+
+def _by_fault(found: xr.Dataset, what: str = "fault_survival") -> dict[str, float]:
+    """What all kinds of earthquakes of a fault have, by its name."""
+    return dict(zip(found["fault"].values.tolist(), found[what].values.tolist(), strict=True))
 
 
 def too_coarse(
@@ -274,7 +279,8 @@ def too_coarse(
 ) -> Iterator[str]:
     """That verdicts on faults hang on where the PGV/PGA of the runs lie, in words."""
     placed = (of_faults(of(rock), faults, ages) for of in OTHER_ROWS.values())
-    base, *others = (one["fault_survival"].values < minimum for one in (found, *placed))
+    every = (np.array([*_by_fault(one).values()]) < minimum for one in (found, *placed))
+    base, *others = every
     if turned := int(np.any([one != base for one in others], axis=0).sum()):
         yield coarse(f"{turned} of {counted(len(base), 'fault')}")
 
@@ -329,6 +335,11 @@ def facts(found: xr.Dataset, minimum: float, rock: RockFragility) -> dict[str, A
         given["faults"] = [
             row | {"mechanism": one} for row, one in zip(rows, mechanisms, strict=True)
         ]
+        out = [name for name, no in _by_fault(found, "fault_rejected").items() if no]
+        given["rejected"] = {
+            name: listed([f"{row['magnitude']:.3g}" for row in rows if row["name"] == name])
+            for name in out
+        }
         given["together"] = [
             float(found[f"survival_together{end}"]) for end in ("", "_low", "_high")
         ]
@@ -339,9 +350,9 @@ def _summary(found: xr.Dataset) -> str:
     if "fault" not in found.dims:
         return f"{counted(found.sizes['magnitude'], 'magnitude')}, no faults given"
     worst = found.isel(fault=int(np.argmin(found["fault_survival"].values)))
-    rejected, beyond = (int(found[f"fault_{one}"].sum()) for one in ("rejected", "beyond"))
+    rejected, beyond = _by_fault(found, "fault_rejected"), int(found["fault_beyond"].sum())
     return (
-        f"{rejected} of {counted(found.sizes['fault'], 'fault')} rejected; least survival "
+        f"{sum(rejected.values()):g} of {counted(len(rejected), 'fault')} rejected; least survival "
         f"{worst['fault_survival'].item():.3g} under {worst['fault'].item()}, "
         f"{found['survival_together'].item():.3g} under all together"
         + (f"; {beyond} beyond what the shaking is known of" if beyond else "")
