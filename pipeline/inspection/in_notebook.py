@@ -21,7 +21,7 @@ from pipeline.stages.displacement.trajectory_maps import trajectories
 from pipeline.stages.fragility.fragility_figures import fragility_by_yaw, overturning_diagram
 from pipeline.stages.fragility.summary import groups
 from pipeline.stages.hazard.hazard_figures import survival
-from pipeline.workflow.datasets import read, rows_of
+from pipeline.workflow.datasets import opened, read, rows_of
 from pipeline.workflow.site_folder import remade
 from pipeline.workflow.store import Store
 
@@ -143,8 +143,8 @@ class Shown:
             return trajectories(read(self._path), terrain, rock.attrs["shape_source"])
         if kind == "hazard":
             settings = json.loads(self._dataset.attrs["vsr_config_json"])["hazard"]
-            return survival(self._dataset, settings["minimum_survival_probability"])
-        data = with_places(self._dataset)
+            return survival(self._in_order(), settings["minimum_survival_probability"])
+        data = with_places(self._in_order())
         place = _at(data, "yaw", yaw), _at(data, "friction", friction)
         if kind == "fragility" and yaw is None and data.sizes["yaw"] > 1:
             chosen = data if friction is None else data.isel(friction=[place[1]])
@@ -159,6 +159,24 @@ class Shown:
                 rule, remedy = "it is of the runs beside it", "plot the dataset as it was made"
                 raise InputError(Problem("vsr.plot", "", name, rule, remedy)) from None
         return overturning_diagram(one, fits, (0, 0), name)
+
+    def _in_order(self) -> xr.Dataset:
+        """The dataset with dimensions in the order of its file, whatever was transposed.
+
+        Raises
+        ------
+        InputError
+            If variables of the file are not in it.
+        """
+        order = opened(self._path)
+        if gone := sorted(map(str, order.data_vars.keys() - self._dataset.data_vars.keys())):
+            rule, remedy = "the figure needs all variables", "plot the whole dataset"
+            raise InputError(Problem("vsr.plot", gone[0], "", rule, remedy))
+
+        def placed(one: xr.DataArray) -> xr.DataArray:
+            return one.transpose(*(name for name in order[one.name].dims if name in one.dims))
+
+        return self._dataset[[*order.data_vars]].map(placed, keep_attrs=True)
 
     def replay(self, **coordinates: float | str) -> Page:
         """The page that replays one run, at its yaw [degree], pga [g], pgv_pga [s] and friction.

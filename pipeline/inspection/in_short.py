@@ -42,7 +42,7 @@ def in_short(data: xr.Dataset, path: Path, *, is_of_runs: bool = True) -> str:
 def with_places(data: xr.Dataset) -> xr.Dataset:
     """A dataset of one yaw or friction with these as dimensions, as figures and tables take it."""
     missing = [name for name in ("yaw", "friction") if name not in data.dims]
-    return data.expand_dims(missing).transpose("yaw", "friction", ...) if missing else data
+    return data.expand_dims(missing).transpose("yaw", "friction", ...)
 
 
 def _rock(rock: xr.Dataset) -> str:

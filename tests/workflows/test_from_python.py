@@ -285,6 +285,14 @@ def test_a_part_of_a_fragility_shows_the_boundary_and_the_diagram_of_its_own_yaw
         overturned = ran.overturned.isel(pgv_pga=part, yaw=0, friction=0).values
         assert cells.get_array().shape == (2, 2)
         assert (cells.get_array() == 2).sum() == (overturned == 1).sum()
+    for whole in (ran.isel(pgv_pga=[0, 2]), many):
+        (one, other) = (
+            next(c for c in axes.collections if c.get_gid() == "cells").get_array()
+            for axes in (made.vsr.plot().axes[0] for made in (whole, whole.transpose()))
+        )
+        assert (one == other).all()
+    with pytest.raises(vsr.InputError, match="beta: the figure needs all variables"):
+        many.drop_vars("beta").vsr.plot()
 
 
 def test_a_dataset_of_a_file_alone_says_how_its_runs_are_replayed() -> None:
