@@ -168,8 +168,8 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
         body = trimesh.Trimesh(middle + of.normals * error[:, None], of.faces, process=False)
         volume, own, inertia = integrals(body)
         centre = own + member.centre
-        hull = convex_hull(np.array(body.vertices) - centre)
         try:
+            hull = convex_hull(np.array(body.vertices) - centre)
             turn, _ = settle(hull)
             if member.inset:
                 standing = hull.turned(turn)
@@ -187,8 +187,9 @@ def drawn(of: Form, member: Member, density: float) -> Rock:
         rule, remedy = "the specimen stands on what is left", "reduce inset (uncertainty.inset)"
         raise InvalidInput(given, rule, remedy)
     given = f"a specimen that does not stand in any of {TRIES} shapes"
-    rule = "it stands as scanned, to within the error of the scan"
-    raise InvalidInput(given, rule, "turn the scan so that the specimen stands, z up")
+    rule = "it stands as scanned, to within the errors of the scan and of its centre of mass"
+    remedy = "turn the scan so that the specimen stands, z up, or reduce centre_of_mass"
+    raise InvalidInput(given, rule, remedy)
 
 
 def random_field(points: Array, length: float, rng: np.random.Generator) -> Array:

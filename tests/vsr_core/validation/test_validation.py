@@ -369,6 +369,15 @@ def test_a_base_drawn_in_to_nothing_is_the_fault_of_the_inset() -> None:
             specimen.drawn(specimen.form(edge, None), plain(inset=inset), 2700.0)
 
 
+def test_a_centre_of_mass_out_of_the_rock_or_its_base_is_told() -> None:
+    form = specimen.form(rough(), None)
+    for centre in (10.0, 0.9 * np.abs(form.vertices[:, 0]).max()):
+        with pytest.raises(
+            InvalidInput, match=r"does not stand in any .* or reduce centre_of_mass"
+        ):
+            specimen.drawn(form, plain(centre=np.array([centre, 0.0, 0.0])), 2700.0)
+
+
 def test_a_shift_of_the_centre_moves_the_base_against_it() -> None:
     form = specimen.form(rough(), None)
     high = specimen.drawn(form, plain(centre=np.array([0.0, 0.0, 0.01])), 2700.0)
