@@ -161,7 +161,7 @@ class Shown:
         return overturning_diagram(one, fits, (0, 0), name)
 
     def _in_order(self) -> xr.Dataset:
-        """The dataset with dimensions in the order of its file, whatever was transposed.
+        """The dataset with dimensions in the order of its file, and numbers along them ascending.
 
         Raises
         ------
@@ -176,7 +176,8 @@ class Shown:
         def placed(one: xr.DataArray) -> xr.DataArray:
             return one.transpose(*(name for name in order[one.name].dims if name in one.dims))
 
-        return self._dataset[[*order.data_vars]].map(placed, keep_attrs=True)
+        own = self._dataset[[*order.data_vars]].map(placed, keep_attrs=True)
+        return own.sortby([name for name, along in own.indexes.items() if along.dtype.kind == "f"])
 
     def replay(self, **coordinates: float | str) -> Page:
         """The page that replays one run, at its yaw [degree], pga [g], pgv_pga [s] and friction.
@@ -213,20 +214,17 @@ def _faults(
     if differ := {*map(str, data.sizes)} - _PLACES ^ {*sizes} - _PLACES:
         rule = "the figure needs all dimensions but yaw and friction, and no other"
         yield ", ".join(sorted(differ)), "", rule, "select along yaw and friction only"
-    if gone := lost & _PLACES:
-        rule = "the figure is of a known yaw and friction"
-        yield ", ".join(sorted(gone)), "dropped, or averaged over", rule, "select without drop=True"
-    if mixed := sorted(name for name in sizes if _is_mixed(data, name)):
-        rule = "values along an axis are in order, each once"
-        yield ", ".join(mixed), "", rule, "plot the whole dataset"
+    if lost:
+        rule = "the figure is of known places along each axis"
+        yield ", ".join(sorted(lost)), "dropped, or averaged over", rule, "plot the whole dataset"
+    if twice := sorted(name for name in sizes if _is_twice(data, name)):
+        rule = "the figure has each value of an axis once"
+        yield ", ".join(twice), "values twice", rule, "plot the whole dataset"
 
 
-def _is_mixed(data: xr.Dataset, name: str) -> bool:
-    """Whether the numbers along a dimension are neither ascending nor descending."""
-    if name in _PLACES or name not in data.indexes or data.indexes[name].dtype.kind != "f":
-        return False
-    along = np.diff(data[name].values)
-    return not (np.all(along > 0.0) or np.all(along < 0.0))
+def _is_twice(data: xr.Dataset, name: str) -> bool:
+    """Whether a value stands twice along a dimension."""
+    return name in data.indexes and not data.indexes[name].is_unique
 
 
 def _at(data: xr.Dataset, name: str, value: float | None) -> int:
