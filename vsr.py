@@ -197,7 +197,7 @@ def _replayed(
     file: Callable[[], object], words: list[str], stage: str, key: str, **coordinates: Any
 ) -> Path:
     """Page that replays a run of what was made of a file with some words of the command line."""
-    at = (f"--{name.replace('_', '-')}={value}" for name, value in coordinates.items())
+    at = (f"--{name.replace('_', '-')}={_plain(value)}" for name, value in coordinates.items())
     with _ONE_AT_A_TIME:
         file()  # which may have the content of another site by now
         options = parsed(["replay", *words, *at])
@@ -214,6 +214,8 @@ def _replayed(
 
 def _plain(value: Any) -> Any:
     """Arrays, tuples and paths as what JSON has."""
+    if hasattr(value, "to_numpy"):  # of xarray, such as a coordinate of another dataset
+        value = value.to_numpy()
     if hasattr(value, "tolist"):
         return _plain(value.tolist())
     if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):

@@ -238,7 +238,7 @@ def test_a_dataset_shows_its_page_its_figure_and_its_runs_in_a_notebook() -> Non
     assert html.unescape(shown[1]).endswith(page.partition("<header>")[2])
     (diagram,) = made.vsr.plot(yaw=0).axes
     assert diagram.get_xlabel() == "peak ground acceleration [g]"
-    run = made.vsr.replay(yaw=0, pga=0.9, pgv_pga=0.3)
+    run = made.vsr.replay(yaw=made.yaw[0], pga=made.pga[1], pgv_pga=0.3)
     assert "Replay of a run" in run._repr_html_()
     assert run.path.parent.name == "replays"
 
@@ -257,6 +257,8 @@ def test_responses_without_a_page_show_themselves_in_short() -> None:
         assert " runs " not in over.vsr._repr_html_()
     with pytest.raises(vsr.InputError, match=r"report\.html was not made; call vsr\.fragility"):
         made.vsr.page  # noqa: B018 (it is the asking that fails)
+    again = vsr.responses(BLOCK, vsr.pulses(made.pga, made.pgv_pga), yaw=made.yaw, **QUICK)
+    assert again.equals(made)  # asked for by its coordinates
     (cells,) = made.vsr.plot(yaw=30).axes
     assert cells.get_xlabel() == "peak ground acceleration [g]"
     assert cells.get_title() == "yaw 30 deg"
