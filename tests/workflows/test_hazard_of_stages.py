@@ -152,7 +152,9 @@ def test_a_stage_has_the_draws_of_the_rock(
     """
     sure = "amplitude: {mean: 1, sd: 0}, azimuth: {mean: 0, sd: 0}"  # else drawn for each member
     grid = GRID.replace("members: 0", f"members: 8, friction: [0.6, 0.6], {sure}")
-    grid = grid.replace("[0.05, 0.1, 0.2, 0.4]", "[0.1, 0.3]").replace("yaw: [0, 90]", "yaw: [0]")
+    grid = grid.replace("0.05, 0.1, 0.2, 0.4", "0.06, 0.12, 0.24").replace(
+        "yaw: [0, 90]", "yaw: [0]"
+    )
     tilt = "observations: [{kind: tilt, direction: 0, angle: 9, outcome: stood, sd: 0.5}]\n"
     always = HAZARD.split(", compare")[0] + ", compare: []}\n"
     stage = ", history: [{site: before.yaml, until: {kind: normal, mean: 1200}}]}\n"
