@@ -32,6 +32,8 @@ MADE: dict[Path, Callable[..., Path]] = {}
 """Of each dataset made here, what replays a run of it: a function of coordinates in words."""
 
 _PLACES = {"yaw", "friction"}
+_PARTS = _PLACES | {"pgv_pga", "record", "pga", "branch"}
+"""Dimensions a part of which has a figure."""
 
 _BACK = re.compile(r'<nav class="back">.*?</nav>', re.DOTALL)
 _TO_A_FILE = re.compile(r'<a href="(?!#|\w+:)[^"]*">(.*?)</a>', re.DOTALL)
@@ -163,10 +165,12 @@ class Shown:
     def _in_order(self) -> xr.Dataset:
         """The dataset with dimensions in the order of its file, and numbers along them ascending.
 
+        What has words along it, such as the ends of intervals, is as in the file, too.
+
         Raises
         ------
         InputError
-            If variables of the file are not in it.
+            If variables of the file are not in it, or are along more than there.
         """
         order = opened(self._path)
         if gone := sorted(map(str, order.data_vars.keys() - self._dataset.data_vars.keys())):
@@ -174,10 +178,16 @@ class Shown:
             raise InputError(Problem("vsr.plot", gone[0], "", rule, remedy))
 
         def placed(one: xr.DataArray) -> xr.DataArray:
+            if more := {*one.dims} - {*order[one.name].dims}:
+                rule = "the figure needs variables along the dimensions of their file"
+                key, given = str(one.name), f"values along {', '.join(sorted(map(str, more)))}"
+                raise InputError(Problem("vsr.plot", key, given, rule, "plot the whole dataset"))
             return one.transpose(*(name for name in order[one.name].dims if name in one.dims))
 
         own = self._dataset[[*order.data_vars]].map(placed, keep_attrs=True)
-        return own.sortby([name for name, along in own.indexes.items() if along.dtype.kind == "f"])
+        numbers = [name for name, along in own.indexes.items() if along.dtype.kind == "f"]
+        words = {name: order[name].values for name in own.indexes.keys() - {*numbers, *_PARTS}}
+        return own.sel(words).sortby(numbers)
 
     def replay(self, **coordinates: float | str) -> Page:
         """The page that replays one run, at its yaw [degree], pga [g], pgv_pga [s] and friction.
@@ -217,9 +227,18 @@ def _faults(
     if lost:
         rule = "the figure is of known places along each axis"
         yield ", ".join(sorted(lost)), "dropped, or averaged over", rule, "plot the whole dataset"
+    if short := sorted(name for name in sizes if _is_short(data, name, sizes[name])):
+        rule = "the figure needs all that is along it"
+        yield ", ".join(short), "a part", rule, "plot the whole dataset"
     if twice := sorted(name for name in sizes if _is_twice(data, name)):
         rule = "the figure has each value of an axis once"
         yield ", ".join(twice), "values twice", rule, "plot the whole dataset"
+
+
+def _is_short(data: xr.Dataset, name: str, size: int) -> bool:
+    """Whether nothing is left along a dimension, or a part where no part has a figure."""
+    held = data.sizes.get(name, 1)
+    return held == 0 or (held != size and name not in _PARTS)
 
 
 def _is_twice(data: xr.Dataset, name: str) -> bool:

@@ -34,7 +34,7 @@ def in_short(data: xr.Dataset, path: Path, *, is_of_runs: bool = True) -> str:
         lines.append(("runs", f"{counts.sum():,}: {tally(counts)[0]}"))
     if "first_overturning_pga" in data and is_of_runs:
         lines.append(_boundary(with_places(data)))
-    if "boundary_error" in data:
+    if {"boundary_error", "time_step"} <= {*data.variables}:
         lines.append(("error of the boundary", _error(data)))
     return filled(PAGE, {"title": data.attrs["title"], "lines": lines})
 

@@ -253,6 +253,8 @@ def test_responses_without_a_page_show_themselves_in_short() -> None:
     assert "error of the boundary not measured, at a time step of 4 ms" in said
     one = re.sub(r"<[^>]*>|\s+", " ", made.isel(yaw=0).vsr._repr_html_())
     assert "runs 2: 2 overturned" in " ".join(one.split())  # at 0.3 g, as it is 1:4
+    found = vsr.run("boundary", BLOCK, PULSES, yaw=[0, 30], **QUICK).vsr._repr_html_()
+    assert "first overturning" in found
     for over in (made.max("yaw"), made.max("pga"), made.isel(yaw=0, drop=True)):
         assert " runs " not in over.vsr._repr_html_()
     with pytest.raises(vsr.InputError, match=r"report\.html was not made; call vsr\.fragility"):
@@ -295,6 +297,18 @@ def test_a_part_of_a_fragility_shows_the_boundary_and_the_diagram_of_its_own_yaw
             )
         )
         assert (one == other).all()
+    pictures = [one.vsr.plot()._repr_png_() for one in (many, many.isel(bound=[1, 0]))]  # type: ignore[attr-defined]
+    assert pictures[0] == pictures[1]
+    joined = xr.concat(
+        [many.isel(pgv_pga=[0]), many.isel(pgv_pga=[1, 2])], "pgv_pga", data_vars="all"
+    )
+    for other, words in (
+        (joined, "values along pgv_pga; the figure needs variables along the dim"),
+        (many.isel(bound=[0]), "bound: got a part; the figure needs all"),
+        (many.isel(pgv_pga=[]), "pgv_pga: got a part; the figure needs all"),
+    ):
+        with pytest.raises(vsr.InputError, match=words):
+            other.vsr.plot()
     with pytest.raises(vsr.InputError, match="beta: the figure needs all variables"):
         many.drop_vars("beta").vsr.plot()
 

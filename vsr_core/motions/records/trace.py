@@ -62,9 +62,9 @@ def _summed(steps: Array) -> Array:
 DAMPING = 0.05
 """Damping of the oscillators, as a share of the critical."""
 
-PARTS = 64
-"""Times in a period at which an oscillator is looked at, of which the largest is 0.12 % too small
-at most."""
+PARTS, FEWEST = 64, 8
+"""Times at least, in a period and from one sample to the next, at which an oscillator is looked at:
+the largest is then too small by 0.12 % of itself and of the PGA at most."""
 
 SIGNIFICANT = (0.05, 0.95)
 """Shares of the Arias intensity between which the significant duration lies."""
@@ -132,7 +132,8 @@ def spectrum(trace: Trace, frequencies: Array, damping: float = DAMPING) -> Arra
     """Pseudo-spectral acceleration: squared angular frequency times the largest displacement.
 
     Exact for an acceleration that is straight between its samples, which then stops; the largest
-    of the relative displacement at ``PARTS`` times a period or more, one more period included.
+    of the relative displacement at ``PARTS`` times a period or more, and ``FEWEST`` from one sample
+    to the next, one more period included.
 
     Parameters
     ----------
@@ -201,9 +202,12 @@ def _largest(trace: Trace, w: float, damping: float) -> float:
         state[own] = _filtered([0.0, 1.0, -step[other, other]], below, push[own])
         state[own] += _filtered([0.0, 0.0, step[own, other]], below, push[other])
     state[2:, :-1] = starts, slopes
-    parts = math.ceil(PARTS * w * h / (2.0 * math.pi))
-    between = (scipy.linalg.expm(system * h * k / parts)[0] for k in range(parts))
-    return w**2 * max(float(np.abs(row @ state).max()) for row in between)
+    parts = max(math.ceil(PARTS * w * h / (2.0 * math.pi)), FEWEST)
+    part, row, largest = scipy.linalg.expm(system * h / parts), np.array([1.0, 0.0, 0.0, 0.0]), 0.0
+    for _ in range(parts):
+        largest = max(largest, float(np.abs(row @ state).max()))
+        row = row @ part
+    return w**2 * largest
 
 
 def _filtered(above: list[float], below: list[float], push: Array) -> Array:
