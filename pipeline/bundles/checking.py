@@ -152,7 +152,7 @@ def _plain(name: str) -> str:
 
 
 def _packed(facts: dict[str, Any]) -> dict[str, Any]:
-    """Facts of a product without the names of files that it does not read: no bundle has these."""
+    """Facts of a product without the names of files that it does not read: these may be others."""
     read = {name: value for name, value in facts["inputs"].items() if value != NOT_READ}
     return {**facts, "inputs": read}
 
@@ -173,7 +173,7 @@ def _stages(folder: Path, told: About, manifests: dict[str, dict[str, Any]]) -> 
                 continue
             if own.key == manifest["key"]:
                 continue
-            differences = list(graph.differences(_packed(manifest["facts"]), own.facts))
+            differences = list(graph.differences(_packed(manifest["facts"]), _packed(own.facts)))
             code = [one for one in differences if one.startswith("code ")]
             yield from (f"{stage}: {one}" for one in differences if one not in code)
             if code:

@@ -7,6 +7,7 @@ from itertools import chain
 from pathlib import Path
 
 from pipeline.config.outside import refused
+from pipeline.config.problems import printable
 
 NOTES = (".md", ".pdf", ".png", ".jpg")
 """Ends of names of files that are for people, where no other end stands before."""
@@ -58,7 +59,7 @@ def unread(folder: Path, read: Iterable[Path]) -> tuple[str, ...]:
     """Names of files but for notes and hidden ones that are not read."""
     known = set(read)
     return tuple(
-        path.relative_to(folder).as_posix()
+        printable(path.relative_to(folder).as_posix())
         for path in sorted(chain.from_iterable(map(folder.glob, _DEEP)))
         if path not in known and not path.is_dir() and not _is_for_people(path)
     )

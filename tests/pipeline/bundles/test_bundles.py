@@ -438,6 +438,8 @@ def test_curves_in_folders_of_a_folder_are_in_it(
     curves.parent.mkdir(parents=True)
     curves.write_text("name,lon,lat,0.01,0.1,1.0\nhere,-120.9,35.2,2.0e-1,4.0e-3,2.0e-5\n")
     curves.with_name("notes.docx").touch()  # which nothing reads, and no bundle holds
+    (curves.parent / "old").mkdir()
+    shutil.copy(curves, curves.parent / "old" / "copy.csv")  # as one that is read
     ratio = "{pga: [0.1], median: [0.2], log_sd: [0.3]}"
     age = "{kind: normal, mean: 3000}"
     site = write_site(

@@ -64,6 +64,17 @@ def test_a_verdict_that_turns_where_rows_are_moved_is_told() -> None:
     assert "another verdict on 1 of 1 branch:" in told
 
 
+def test_rows_in_pairs_are_as_far_apart_as_the_pairs() -> None:
+    """Every second of them is the whole again; moved, they show what single ones do."""
+    ratios, age = np.geomspace(0.0125, 0.8, 7), np.array([1e3])
+    ratios = np.sort([*ratios, *(1.01 * ratios)])
+    rows = rows_from(ratios.tolist(), (0.02 / ratios).tolist())
+    exact = 0.02**-2.0 * 0.1**2 * math.exp(2.0 * 0.4**2)
+    analysis = of_curves(model(-math.log(0.0508) / (age[0] * exact)), DatedRock("rock", rows, age))
+    (told,) = too_coarse(cases(analysis, {}, {}))
+    assert "another verdict on 1 of 1 branch:" in told
+
+
 def test_of_one_pgv_pga_no_half_is_a_case() -> None:
     one = of_curves(model(1e-4), DatedRock("rock", rows_from([0.1], [0.5]), np.array([1e3])))
     assert not {case.name for case in cases(one, {}, {})} & {*OTHER_ROWS}
