@@ -180,7 +180,7 @@ ln(sinh(x) / x) / 2x of the way off, x = k ln(q) / 2: 0.07 for 2.5 and 2, 0.10 f
 
 
 def moved(ratios: Array, part: float) -> Array:
-    """Rows of PGV/PGA moved a part of the wider gap beside each, in logarithms; none passes another.
+    """Rows of PGV/PGA moved a part of the wider gap beside each, in logarithms; in their order.
 
     So rows in pairs, which every second of them leaves as they are, are moved as the pairs lie.
 

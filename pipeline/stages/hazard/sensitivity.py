@@ -127,7 +127,7 @@ def too_coarse(found: Sequence[Case]) -> tuple[str, ...]:
 def coarse(which: str) -> str:
     """That other PGV/PGA of the runs turn verdicts, in words."""
     return (
-        "every second PGV/PGA of the runs, or all of them moved by a tenth of the gaps between them, "
+        "every second PGV/PGA of the runs, or all of them moved by a tenth of the gaps between, "
         f"gives another verdict on {which}: they are too far apart to say; set more of them, in "
         "equal ratios"
     )
