@@ -40,6 +40,10 @@ LONGEST = 1800.0
 PYTEST = ("-m", "pytest", "-x", "-q", "--no-header", "--tb=no", "-p", "no:cacheprovider")
 
 
+ALL = ("-n", "auto", "--dist", "loadfile", "--ignore=tests/scripts")
+"""All tests but those of this module, which any fault fails."""
+
+
 @dataclass(frozen=True)
 class Fault:
     """A single fault.
@@ -147,7 +151,7 @@ class Copy:
         text = path.read_text(encoding="utf-8")
         self._write(path, text.replace(fault.before, fault.after))
         try:
-            stages = (*fault.stages, ("-n", "auto", "--dist", "loadfile"))
+            stages = (*fault.stages, ALL)
             found = next(filter(None, map(self.failing, stages)), "")
         finally:
             self._write(path, text)

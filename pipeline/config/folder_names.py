@@ -69,7 +69,7 @@ def in_a_line(names: Sequence[str]) -> Iterator[str]:
     """Files that are not read, in a line."""
     if names:
         others = f" and {len(names) - 3} more" if len(names) > 4 else ""
-        shown = ", ".join(map(repr, names[:3] if others else names))
+        shown = ", ".join(f"'{name}'" for name in (names[:3] if others else names))
         yield f"{shown}{others} left out, as nothing reads a file of that name there"
 
 
