@@ -214,7 +214,7 @@ def _replayed(
 
 def _plain(value: Any) -> Any:
     """Arrays, tuples and paths as what JSON has."""
-    if hasattr(value, "to_numpy"):  # of xarray, such as a coordinate of another dataset
+    if hasattr(value, "to_numpy") and value.ndim < 2:  # such as a coordinate of another dataset
         value = value.to_numpy()
     if hasattr(value, "tolist"):
         return _plain(value.tolist())

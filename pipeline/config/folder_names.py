@@ -13,7 +13,7 @@ NOTES = (".md", ".pdf", ".png", ".jpg")
 """Ends of names of files that are for people, where no other end stands before."""
 
 NOT_READ = "not read"
-"""Stands for such a file where others have a digest, so that one is told of it when it comes."""
+"""Stands for such a file where others have a digest."""
 
 _DEEP = ("*", "*/*", "*/*/*")
 """How deep a folder is looked through."""
@@ -63,6 +63,11 @@ def unread(folder: Path, read: Iterable[Path]) -> tuple[str, ...]:
         for path in sorted(chain.from_iterable(map(folder.glob, _DEEP)))
         if path not in known and not path.is_dir() and not _is_for_people(path)
     )
+
+
+def marked(names: Sequence[str]) -> dict[str, str]:
+    """Files that are not read among the digests of others, so that one is told when one comes."""
+    return {f"{name} ({NOT_READ})": NOT_READ for name in names}
 
 
 def in_a_line(names: Sequence[str]) -> Iterator[str]:

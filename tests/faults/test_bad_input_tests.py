@@ -133,7 +133,9 @@ def test_files_that_are_not_read_are_named(folder: Path) -> None:
     said = [line for line in remarks(folder, read_tests(folder)) if "nothing reads" in line]
     alone = Folder(folder, ()).digests()
     names = ["motions.cdf", "records (1).nc", "table.txt"]
-    assert find(site_of(folder)).digests().keys() - alone.keys() == {*names}  # it is told of anew
+    assert find(site_of(folder)).digests().keys() - alone.keys() == {
+        f"{name} (not read)" for name in names
+    }  # it is told of anew
     shown = ", ".join(map(repr, names))
     assert said == [f"{shown} left out, as nothing reads a file of that name there"]
 

@@ -192,14 +192,15 @@ def moved(ratios: Array, part: float) -> Array:
     Examples
     --------
     >>> moved(np.array([0.1, 0.2, 0.8]), 0.5).round(3).tolist()
-    [0.141, 0.4, 1.6]
+    [0.2, 0.4, 1.6]
     >>> moved(np.array([0.1, 0.8, 0.81]), -0.5).round(3).tolist()
-    [0.035, 0.283, 0.805]
+    [0.035, 0.283, 0.286]
     """
     if len(ratios) < 2:
         return ratios
     gaps = np.diff(np.log(ratios))
     wider = np.maximum(np.append(gaps[0], gaps), np.append(gaps, gaps[-1]))
+    wider[[0, -1]] = wider[:2].max(), wider[-2:].max()  # of a pair at an end, that beyond it
     rows = ratios * np.exp(part * wider)
     if part > 0.0:
         return np.asarray(np.maximum.accumulate(rows))

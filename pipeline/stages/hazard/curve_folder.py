@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.config.folder_names import NOT_READ, check_links, in_a_line, unread
+from pipeline.config.folder_names import check_links, in_a_line, marked, unread
 from pipeline.config.hazard_schema import HazardConfig
 from pipeline.config.in_si import in_g
 from pipeline.config.layers import Origin
@@ -187,7 +187,7 @@ def find(hazard: HazardConfig, origin: Origin) -> Curves:
     elif path.is_dir() and disaggregation_files(path):
         disaggregated = path
     read = _read(path, disaggregated, of_events=hazard.events is not None)
-    others = tuple(_unread(path, disaggregated, read))
+    others = tuple(dict.fromkeys(_unread(path, disaggregated, read)))
     before = _digests(read, others)
     if hazard.events is not None:
         simulated = event_files.load(path, hazard.effective_time)
@@ -251,7 +251,7 @@ def _unread(path: Path, disaggregated: Path | None, read: list[Path]) -> Iterato
 
 def _digests(paths: list[Path], unread: tuple[str, ...]) -> dict[str, str]:
     """Digests of the files, by their names."""
-    return dict.fromkeys(unread, NOT_READ) | {_name(path): digest_file(path) for path in paths}
+    return marked(unread) | {_name(path): digest_file(path) for path in paths}
 
 
 def _name(path: Path) -> str:

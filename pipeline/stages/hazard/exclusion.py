@@ -279,8 +279,7 @@ def too_coarse(
 ) -> Iterator[str]:
     """That verdicts on faults hang on where the PGV/PGA of the runs lie, in words."""
     placed = (of_faults(of(rock), faults, ages) for of in OTHER_ROWS.values())
-    every = (np.array([*_by_fault(one).values()]) < minimum for one in (found, *placed))
-    base, *others = every
+    base, *others = (np.array([*_by_fault(one).values()]) < minimum for one in (found, *placed))
     if turned := int(np.any([one != base for one in others], axis=0).sum()):
         yield coarse(f"{turned} of {counted(len(base), 'fault')}")
 
@@ -350,7 +349,8 @@ def _summary(found: xr.Dataset) -> str:
     if "fault" not in found.dims:
         return f"{counted(found.sizes['magnitude'], 'magnitude')}, no faults given"
     worst = found.isel(fault=int(np.argmin(found["fault_survival"].values)))
-    rejected, beyond = _by_fault(found, "fault_rejected"), int(found["fault_beyond"].sum())
+    rejected = _by_fault(found, "fault_rejected")
+    beyond = len(np.unique(found["fault"].values[found["fault_beyond"].values == 1]))
     return (
         f"{sum(rejected.values()):g} of {counted(len(rejected), 'fault')} rejected; least survival "
         f"{worst['fault_survival'].item():.3g} under {worst['fault'].item()}, "

@@ -126,9 +126,10 @@ def _by_rows(scale: float, low: float, high: float) -> str:
     >>> _by_rows(1.4, 1.2, 2.0), _by_rows(1.4, 1.2, math.inf)
     (' (1.2 to 2 by other PGV/PGA of the runs)', ' (1.2 or more by other PGV/PGA of the runs)')
     """
-    if low == scale == high:
+    ends = [f"{one:.3g}" for one in (low, high)]
+    if {*ends} == {f"{scale:.3g}"}:
         return ""
-    span = f"{low:.3g} to {high:.3g}" if high < math.inf else f"{low:.3g} or more"
+    span = " to ".join(ends) if high < math.inf else f"{ends[0]} or more"
     return f" ({span} by other PGV/PGA of the runs)"
 
 

@@ -452,7 +452,7 @@ def test_curves_in_folders_of_a_folder_are_in_it(
     ran = vsr("check", tmp_path / "study.zip")
     assert (ran.code, ran.err) == (cli.DONE, ""), ran.out
     curves.with_name("more.docx").touch()
-    assert "file PGA/more.docx new" in vsr("why", "hazard", "--site", site).out
+    assert "file PGA/more.docx (not read) new" in vsr("why", "hazard", "--site", site).out
 
 
 @pytest.mark.parametrize("share", slow_but([0.999], [0.0, 0.3, 0.999]))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from pipeline.config import in_si
-from pipeline.config.folder_names import NOT_READ, check_links, check_names, unread
+from pipeline.config.folder_names import check_links, check_names, marked, unread
 from pipeline.config.layers import Origin, Site, load_file
 from pipeline.config.outside import Row, refused, rows, table, text
 from pipeline.config.paths import located, shown
@@ -143,7 +143,7 @@ class Folder(Input):
     def digests(self) -> dict[str, str]:
         """Digests of the files, by their names."""
         read = {path.name: digest_file(path) for path in files_of(self.path) if path.is_file()}
-        return dict.fromkeys(self.unread, NOT_READ) | read
+        return marked(self.unread) | read
 
 
 def files_of(folder: Path) -> list[Path]:
