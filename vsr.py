@@ -99,12 +99,12 @@ def run(
     product : str, as of ``vsr run``; with a ``study`` that sweeps, the dataset is that of the study
     site : name of a shipped site, path of a YAML file, or its content; for ``validation`` the
         folder of recorded tests
-    layers : settings over those of the site, later ones over earlier ones
+    layers : settings over those of the site and the study; each key in one of them, or in ``keys``
     name : str, of the folder of results where the site is given by its content, by default
         ``rock``; of any other site that of a variant, which has a folder of its own, as by
         ``--name`` of the command
     derived : folder of results, by default ``data/derived`` of the working folder
-    keys : sections or keys of the configuration over all of these, e.g. ``yaw=[0, 90]``
+    keys : sections or keys of the configuration, as another layer, e.g. ``yaw=[0, 90]``
 
     Raises
     ------

@@ -69,7 +69,7 @@ MESHES: dict[str, tuple[bytes, str]] = {
         "a file of other faces",
     ),
     "triangles of 4e9.stl": (bytes(80) + struct.pack("<I", 2 * HUGE) + bytes(500), "facets"),
-    "glb of 4 GiB.glb": (b"glTF" + struct.pack("<III", 2, 2**32 - 1, 2**32 - 1), "cannot be read"),
+    "glb of 4 GiB.glb": (b"glTF" + struct.pack("<III", 2, 2**32 - 1, 2**32 - 1), "it is whole"),
     "noise.ply": (bytes(np.random.default_rng(1).bytes(5000)), "cannot be read"),
     "flat.obj": (obj(CORNERS * [1, 1, 0], FACES), "a flat mesh"),
     "in a line.obj": (obj(CORNERS * [1, 0, 0], FACES), "a flat mesh"),

@@ -1,4 +1,4 @@
-"""Whether a binary glTF file can be read whole: trimesh passes over much of what moves a shape.
+"""Meshes in binary glTF files: all triangles of the scene, or none.
 
 Rules are those of "glTF 2.0 Specification" (Khronos Group, 2021).
 """
@@ -6,16 +6,19 @@ Rules are those of "glTF 2.0 Specification" (Khronos Group, 2021).
 from __future__ import annotations
 
 import math
-from os import SEEK_CUR
-from typing import Any, BinaryIO
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from pipeline.config.outside import of_json
 from pipeline.stages.mesh.file_limits import COARSEST, check_repeated
 from pipeline.workflow.grammar import listed
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
+
+if TYPE_CHECKING:
+    import trimesh
 
 _VERSION = 2
 
@@ -27,25 +30,76 @@ _ONE = np.eye(4).ravel().tolist()
 _OFF_ONE = 1e-3
 """Rounding of the length of a rotation, and of the angles of a matrix."""
 
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
-"""What the numbers of a primitive make."""
+_TRIANGLES = 4
+"""What the corners of a primitive make."""
 
-_SINGLE = 5126
-"""Numbers in single precision."""
+_NUMBERS = {"VEC3": {5126: "<f4"}, "SCALAR": {5121: "<u1", 5123: "<u2", 5125: "<u4"}}
+"""Types of coordinates, and of corners, by the numbers that they have in a file."""
+
+_WIDTHS = {"VEC3": 3, "SCALAR": 1}
+
+_ANY = {"name", "extensions", "extras"}
+_KEYS = {
+    "scenes": {"nodes"},
+    "nodes": {"camera", "children", "skin", "matrix", "mesh", "weights", *_MOVES},
+    "meshes": {"primitives", "weights"},
+    "primitives": {"attributes", "indices", "material", "mode", "targets"},
+    "accessors": {"bufferView", "byteOffset", "componentType", "normalized", "count", "type"}
+    | {"max", "min", "sparse"},
+    "bufferViews": {"buffer", "byteOffset", "byteLength", "byteStride", "target"},
+}
+"""What is said of parts of a file (5), beside what any may have."""
 
 
-def plain(file: BinaryIO) -> BinaryIO:
-    """A file whose coordinates are none that are replaced, packed, deformed, or not as stated.
+def of_glb(file: BinaryIO) -> trimesh.Trimesh:
+    """The shapes of a file's scene, in one mesh; its unit is the metre, or what its shapes state.
 
     Raises
     ------
     InvalidInput
+        If coordinates are replaced, packed, deformed or elsewhere, or not as the file states, or
+        not all shapes are in the scene.
     """
-    head = file.read(16)
-    version, length = (int.from_bytes(head[at : at + 4], "little") for at in (4, 12))
+    import trimesh
+
+    scene, data = _parts(file)
+    _require_plain(scene)
+    placed = dict(_placed(scene))
+    number = sum("mesh" in node for node in scene.get("nodes", ()))
+    if not placed or len(placed) != number:
+        given = f"a glTF file of {number} shapes, {len(placed)} of them in its scene"
+        raise InvalidInput(given, "its scene has all of them", "export the rock alone")
+    shapes = {mesh: [*_shapes(scene, mesh, data)] for mesh, _ in placed.values()}
+    faces = {mesh: sum(len(one) for _, one in parts) for mesh, parts in shapes.items()}
+    check_repeated(number, sum(faces[mesh] for mesh, _ in placed.values()), sum(faces.values()))
+    found = [
+        trimesh.Trimesh(*part, process=False).apply_transform(matrix)
+        for mesh, matrix in placed.values()
+        for part in shapes[mesh]
+    ]
+    corners = trimesh.util.append_faces(
+        [one.vertices for one in found], [one.faces for one in found]
+    )
+    whole = trimesh.Trimesh(*corners, process=False)
+    whole.units = _unit(scene, shapes)
+    return whole
+
+
+def _parts(file: BinaryIO) -> tuple[dict[str, Any], bytes]:
+    """The scene of a file, and the bytes of its buffer (4.4)."""
+    head = file.read(20)
+    version, whole, length = (int.from_bytes(head[at : at + 4], "little") for at in (4, 8, 12))
     if version != _VERSION:
         raise InvalidInput(f"a file of glTF {version}", f"it is glTF {_VERSION}", "export it again")
-    scene = of_json(file.read(length + 4)[4:])
+    content = file.read()
+    if len(head) + len(content) != whole:
+        given = f"{len(head) + len(content):,} bytes of a file of {whole:,}"
+        raise InvalidInput(given, "it is whole", "export it again")
+    return of_json(content[:length]), content[length + 8 :]
+
+
+def _require_plain(scene: dict[str, Any]) -> None:
+    """Refuse a scene of which something moves, deforms or packs the coordinates."""
     nodes = scene.get("nodes", [])
     parts = [part for mesh in scene.get("meshes", ()) for part in mesh.get("primitives", ())]
     shapes = scene.get("meshes", []) + nodes
@@ -60,31 +114,16 @@ def plain(file: BinaryIO) -> BinaryIO:
         "a rotation whose length is not 1": any(
             abs(math.hypot(*node.get("rotation", [1.0])) - 1.0) > _OFF_ONE for node in nodes
         ),
-        "strips or fans of triangles": any(
-            part.get("mode", _TRIANGLES) in (_STRIP, _FAN) for part in parts
+        "points, lines, strips or fans": any(
+            part.get("mode", _TRIANGLES) != _TRIANGLES for part in parts
         ),
         "a node with two parents": not _is_tree(scene),
+        "coordinates in another file": any("uri" in one for one in scene.get("buffers", ())),
     }
     needed = [f"extension {name}" for name in scene.get("extensionsRequired", ())]
     if needed := [*needed, *(name for name, has in odd.items() if has)]:
         given = f"a glTF file that needs {listed(needed)}"
         raise InvalidInput(given, "its coordinates are plain", "export it without, or as .ply")
-    _require_few(scene)
-    file.seek(8, SEEK_CUR)
-    _require_bounds(scene, file.read())
-    file.seek(0)
-    return file
-
-
-def _require_few(scene: dict[str, Any]) -> None:
-    """Refuse a scene in which shapes stand more often than memory is for."""
-    counts = {at: one["count"] // 3 for at, one in enumerate(scene.get("accessors", ()))}
-    faces = [
-        sum(counts.get(one.get("indices", one["attributes"].get("POSITION")), 0) for one in parts)
-        for parts in (mesh["primitives"] for mesh in scene.get("meshes", ()))
-    ]
-    shown = [faces[node["mesh"]] for node in scene.get("nodes", ()) if "mesh" in node]
-    check_repeated(len(shown), sum(shown), sum(faces))
 
 
 def _moves(matrix: list[float]) -> bool:
@@ -100,38 +139,108 @@ def _moves(matrix: list[float]) -> bool:
 def _is_tree(scene: dict[str, Any]) -> bool:
     """Whether each node has one parent, and roots of scenes have none (3.5.1, 3.5.2)."""
     children = [at for node in scene.get("nodes", ()) for at in node.get("children", ())]
-    roots = {at for one in scene.get("scenes", ()) for at in one.get("nodes", ())}
-    return len({*children}) == len(children) and not roots & {*children}
+    scenes = [one.get("nodes", []) for one in scene.get("scenes", ())]
+    below = {*children}
+    return len(below) == len(children) and all(
+        len({*roots}) == len(roots) and not below & {*roots} for roots in scenes
+    )
 
 
-def _require_bounds(scene: dict[str, Any], data: bytes) -> None:
-    """Refuse coordinates that are not within the bounds that a glTF file has for them, and at them.
-
-    They are so by "glTF 2.0 Specification" (Khronos Group, 2021), 3.6.2.5.
-    """
-    used = {node["mesh"] for node in scene.get("nodes", ()) if "mesh" in node}
-    parts = [part["attributes"] for at in used for part in scene["meshes"][at]["primitives"]]
-    for at in {part["POSITION"] for part in parts if "POSITION" in part}:
-        accessor = scene["accessors"][at]
-        points = _stored(scene, accessor, data)
-        if points is None or not np.isfinite(points).all():
-            continue  # the latter is refused of any mesh
-        held = np.array([points.min(axis=0), points.max(axis=0)])
-        bounds = accessor.get("min"), accessor.get("max")
-        told = np.array([one or its for one, its in zip(bounds, held.tolist(), strict=True)])
-        if np.abs(held - told).max() > COARSEST * np.ptp(held, axis=0).max():
-            given = f"coordinates from {held[0]} to {held[1]} that say {told[0]} to {told[1]}"
-            raise InvalidInput(given, "bounds are those of the coordinates", "export it again")
+def _placed(scene: dict[str, Any]) -> Iterator[tuple[int, tuple[int, Array]]]:
+    """Nodes of the scene with a mesh: their numbers, those of the meshes, and where they stand."""
+    roots = _item(scene, "scenes", scene.get("scene", 0)).get("nodes", ())
+    left = [(at, np.eye(4)) for at in roots]
+    while left:
+        at, parent = left.pop()
+        node = _item(scene, "nodes", at)
+        matrix = parent @ _matrix(node)
+        left += [(child, matrix) for child in node.get("children", ())]
+        if "mesh" in node:
+            yield at, (node["mesh"], matrix)
 
 
-def _stored(scene: dict[str, Any], accessor: dict[str, Any], data: bytes) -> Array | None:
-    """Coordinates in the file itself, in single precision; None of what is elsewhere or packed."""
-    view = scene["bufferViews"][accessor["bufferView"]] if "bufferView" in accessor else {}
-    start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-    count, stride = accessor["count"], view.get("byteStride", 12)
-    is_here = view.get("buffer", -1) == 0 and "uri" not in scene["buffers"][0]
-    if not is_here or accessor["componentType"] != _SINGLE or count < 1:
-        return None
-    if start + (count - 1) * stride + 12 > len(data):
-        return None  # which trimesh refuses
-    return np.ndarray((count, 3), np.dtype("<f4"), data, start, (stride, 4)).astype(np.float64)
+def _item(scene: dict[str, Any], kind: str, at: int) -> dict[str, Any]:
+    """A part of a file by its number, of which nothing is said that is not understood."""
+    number = len(scene.get(kind, ()))
+    if not 0 <= at < number:
+        given, rule = f"a glTF file that names {kind} {at} of {number}", "they are in it"
+        raise InvalidInput(given, rule, "export it again")
+    one: dict[str, Any] = scene[kind][at]
+    if unknown := one.keys() - _KEYS[kind] - _ANY:
+        given = f"{kind} with {min(unknown)[:40]!r}"
+        raise InvalidInput(given, "a glTF file has none", "export it again")
+    return one
+
+
+def _matrix(node: dict[str, Any]) -> Array:
+    """What moves a node, shape (4, 4): a matrix, or first a scale, then a turn, then a shift."""
+    from trimesh.transformations import quaternion_matrix, translation_matrix
+
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=float).reshape(4, 4).T
+    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    scale = np.diag([*node.get("scale", (1.0, 1.0, 1.0)), 1.0])
+    shift = translation_matrix(node.get("translation", (0.0, 0.0, 0.0)))
+    return np.asarray(shift @ quaternion_matrix((w, x, y, z)) @ scale)
+
+
+def _shapes(scene: dict[str, Any], mesh: int, data: bytes) -> Iterator[tuple[Array, Indices]]:
+    """Corners and faces of the parts of a mesh."""
+    parts = _item(scene, "meshes", mesh)
+    for number in range(len(parts["primitives"])):
+        part = _item(parts, "primitives", number)
+        at = part["attributes"]["POSITION"]
+        points = _stored(scene, at, data, "VEC3").astype(np.float64)
+        _require_bounds(_item(scene, "accessors", at), points)
+        if "indices" in part:
+            corners = _stored(scene, part["indices"], data, "SCALAR").astype(np.int64)
+        else:
+            corners = np.arange(len(points))
+        if corners.max() >= len(points):
+            given = f"a face of vertex {corners.max()}, of {len(points)}"
+            raise InvalidInput(given, "faces are made of their shape's vertices", "export it again")
+        yield points, corners.reshape(-1, 3)
+
+
+def _stored(scene: dict[str, Any], at: int, data: bytes, kind: str) -> Array:
+    """Numbers of an accessor, shape (count, 3) or (count, 1) (3.6.2)."""
+    accessor = _item(scene, "accessors", at)
+    types, width = _NUMBERS[kind], _WIDTHS[kind]
+    of = accessor["type"], accessor["componentType"]
+    if of not in [(kind, one) for one in types] or "bufferView" not in accessor:
+        given = f"{accessor['type']} of type {of[1]} where {listed([f'{one}' for one in types])} is"
+        raise InvalidInput(given, "coordinates and corners are as glTF has them", "export it again")
+    view = _item(scene, "bufferViews", accessor["bufferView"])
+    number, count, end = np.dtype(types[of[1]]), accessor["count"], view["byteLength"]
+    start, first = view.get("byteOffset", 0), accessor.get("byteOffset", 0)
+    row = width * number.itemsize
+    step = view.get("byteStride", row)
+    is_here = view["buffer"] == 0 <= min(start, first) and start + end <= len(data)
+    if not is_here or count < 1 or step < row or first + (count - 1) * step + row > end:
+        given = f"{count:,} numbers in steps of {step} bytes from {first:,} on, of {end:,}"
+        raise InvalidInput(given, "they are in the file", "export it again")
+    return np.ndarray((count, width), number, data, start + first, (step, number.itemsize))
+
+
+def _require_bounds(accessor: dict[str, Any], points: Array) -> None:
+    """Refuse coordinates not within the bounds that a file has for them, and at them (3.6.2.5)."""
+    if not np.isfinite(points).all():
+        return  # which is refused of any mesh
+    held = np.array([points.min(axis=0), points.max(axis=0)])
+    bounds = accessor.get("min"), accessor.get("max")
+    told = np.array([one or its for one, its in zip(bounds, held.tolist(), strict=True)])
+    if np.abs(held - told).max() > COARSEST * np.ptp(held, axis=0).max():
+        given = f"coordinates from {held[0]} to {held[1]} that say {told[0]} to {told[1]}"
+        raise InvalidInput(given, "bounds are those of the coordinates", "export it again")
+
+
+def _unit(scene: dict[str, Any], shapes: Iterable[int]) -> str:
+    """The unit that shapes state, as trimesh writes it, or metres (3.4)."""
+    stated = (_item(scene, "meshes", at).get("extras") for at in shapes)
+    units = {
+        str(one.get("units", "meters")) if isinstance(one, dict) else "meters" for one in stated
+    }
+    if len(units) > 1:
+        given = f"shapes in {listed(sorted(units))}"
+        raise InvalidInput(given, "their unit is one", "export it in metres")
+    return units.pop()

@@ -84,7 +84,7 @@ def _loaded(file: BinaryIO, kind: str) -> trimesh.Trimesh:
 
 _AS_READ: dict[str, Callable[[BinaryIO], BinaryIO | trimesh.Trimesh]] = {
     "dae": collada_files.without_pictures,
-    "glb": gltf_files.plain,
+    "glb": gltf_files.of_glb,
     "obj": text_meshes.of_obj,
     "ply": ply_files.whole,
     "stl": text_meshes.of_stl,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import re
 import struct
@@ -624,6 +623,8 @@ SKEWED = [1.0, 0.3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 
         ({"nodes": [{"children": [2]}, {"children": [2]}, {"mesh": 0}]}, "two parents"),
         ({"nodes": [{"mesh": 0, "rotation": [0.0, 0.0, 0.0, 2.0]}]}, "whose length is not 1"),
         ({"meshes": [{"primitives": [{"mode": 6}]}]}, "strips or fans"),
+        ({"scenes": [{"nodes": [0, 0]}]}, "two parents"),
+        ({"buffers": [{"uri": "data:,AAAA"}]}, "coordinates in another file"),
     ],
 )
 def test_coordinates_that_trimesh_passes_over(
@@ -641,6 +642,74 @@ def test_a_gltf_rock_that_is_turned_and_scaled_is_read(tmp_path: Path) -> None:
     glb(tmp_path / "rock.glb", lambda scene: moved(scene, columns))
     found = mesh_files.read(tmp_path / "rock.glb")
     assert found.volume == pytest.approx(6.0 * ball().volume, rel=1e-5)
+
+
+def in_two(scene: dict[str, Any]) -> dict[str, Any]:
+    """A scene in which the ball is there twice, beside a camera, and at another a shift away."""
+    camera = {"mesh": 0, "camera": 0, "translation": [3.0, 0.0, 0.0], "scale": [2.0, 2.0, -2.0]}
+    nodes = [{"children": [1, 2]}, {"mesh": 0}, camera]
+    return scene | {"nodes": nodes, "cameras": [{}], "scenes": [{"nodes": [0]}], "scene": 0}
+
+
+def test_all_shapes_of_a_gltf_scene_are_read_or_none(tmp_path: Path) -> None:
+    path = tmp_path / "rock.glb"
+    glb(path, in_two)
+    found = mesh_files.read(path)
+    assert len(found.faces) == 2 * len(ball().faces)
+    assert found.volume == pytest.approx(9.0 * ball().volume, rel=1e-5)
+    far = 3.0 + 2.0 * ball().bounds[1, 0]
+    assert found.bounds[1] == pytest.approx([far, *2.0 * ball().bounds[1, 1:]], rel=1e-5)
+    nodes = [{"mesh": 0}, {"mesh": 0}]
+    glb(path, lambda scene: scene | {"nodes": nodes, "scenes": [{"nodes": [0]}, {"nodes": [1]}]})
+    with pytest.raises(InvalidInput, match="of 2 shapes, 1 of them in its scene"):
+        mesh_files.read(path)
+    glb(path, lambda scene: in_two(scene) | {"scenes": [{"nodes": [-1]}]})
+    with pytest.raises(InvalidInput, match="names nodes -1 of 3"):
+        mesh_files.read(path)
+    glb(path, lambda scene: scene | {"nodes": [{"mesh": 0, "scalE": [2.0, 2.0, 2.0]}]})
+    with pytest.raises(InvalidInput, match="nodes with 'scalE'; a glTF file has none"):
+        mesh_files.read(path)
+
+
+def test_units_of_shapes_in_gltf_are_one(tmp_path: Path) -> None:
+    def apart(scene: dict[str, Any]) -> dict[str, Any]:
+        meshes = [scene["meshes"][0] | {"extras": {"units": unit}} for unit in ("mm", "meters")]
+        nodes = [{"mesh": 0}, {"mesh": 1}]
+        return scene | {"meshes": meshes, "nodes": nodes, "scenes": [{"nodes": [0, 1]}], "scene": 0}
+
+    glb(tmp_path / "rock.glb", apart)
+    with pytest.raises(InvalidInput, match="shapes in meters and mm; their unit is one"):
+        mesh_files.read(tmp_path / "rock.glb")
+
+
+def corners(change: dict[str, Any], at: int = 0) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """A scene in which what is said of the corners of faces, or of others, is another."""
+
+    def changed(scene: dict[str, Any]) -> dict[str, Any]:
+        accessors = [*scene["accessors"]]
+        accessors[at] = accessors[at] | change
+        return scene | {"accessors": accessors}
+
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("change", "at", "told"),
+    [
+        ({"componentType": 5126}, 0, "SCALAR of type 5126 where 5121, 5123 and 5125 is"),
+        ({"type": "VEC3"}, 0, "VEC3 of type 512"),
+        ({"byteOffset": 4}, 0, "they are in the file"),
+        ({"count": 10_000_000}, 1, "they are in the file"),
+        ({"count": 640}, 1, "a face of vertex 641, of 640"),
+        ({"count": -3}, 0, "they are in the file"),
+    ],
+)
+def test_numbers_of_gltf_that_are_none_of_its_shape_are_refused(
+    tmp_path: Path, change: dict[str, Any], at: int, told: str
+) -> None:
+    glb(tmp_path / "rock.glb", corners(change, at))
+    with pytest.raises(InvalidInput, match=told):
+        mesh_files.read(tmp_path / "rock.glb")
 
 
 def moved(scene: dict[str, Any], matrix: list[float]) -> dict[str, Any]:
@@ -747,20 +816,13 @@ def test_gltf_of_another_version_is_refused(tmp_path: Path) -> None:
         mesh_files.read(tmp_path / "rock.glb")
 
 
-def test_coordinates_in_a_text_of_their_own_are_read(tmp_path: Path) -> None:
-    """Of a buffer that stands in the scene, beside no bytes behind it; and of none at all."""
+def test_coordinates_that_are_not_in_the_file_are_refused(tmp_path: Path) -> None:
+    """Of a file that ends before its buffer, and says so."""
     content = ball().export(file_type="glb")
     length = int.from_bytes(content[12:16], "little")
-    data = base64.b64encode(content[28 + length :]).decode()
-
-    def within(scene: dict[str, Any]) -> dict[str, Any]:
-        buffer = scene["buffers"][0] | {"uri": f"data:application/octet-stream;base64,{data}"}
-        return scene | {"buffers": [buffer]}
-
-    glb(tmp_path / "rock.glb", within)
-    assert mesh_files.read(tmp_path / "rock.glb").volume == pytest.approx(ball().volume, rel=1e-6)
-    (tmp_path / "rock.glb").write_bytes(content[: 20 + length])
-    with pytest.raises(InvalidInput, match="cannot be read"):
+    size = (20 + length).to_bytes(4, "little")
+    (tmp_path / "rock.glb").write_bytes(content[:8] + size + content[12 : 20 + length])
+    with pytest.raises(InvalidInput, match="of 7,704; they are in the file"):
         mesh_files.read(tmp_path / "rock.glb")
 
 
