@@ -139,7 +139,7 @@ class Colour:
             raise InvalidInput(
                 "a scan without colours of vertices",
                 "a cut by colour needs them",
-                "bake the texture into vertex colours, or give another cut",
+                "bake the texture into vertex colours, as .ply, .obj or .glb, or give another cut",
             )
         given = colours[:, :3].astype(np.float64)
         return self.tolerance - np.linalg.norm(given - np.array(self.rgb), axis=1)

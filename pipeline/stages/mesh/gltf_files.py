@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
 
 import numpy as np
 
 from pipeline.config.outside import of_json
-from pipeline.stages.mesh.file_limits import COARSEST, check_repeated
+from pipeline.stages.mesh.shapes import COARSEST, Shape, joined
 from pipeline.workflow.grammar import listed
-from vsr_core.arrays import Array, Indices
+from vsr_core.arrays import Array
 from vsr_core.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -33,10 +33,18 @@ _OFF_ONE = 1e-3
 _TRIANGLES = 4
 """What the corners of a primitive make."""
 
-_NUMBERS = {"VEC3": {5126: "<f4"}, "SCALAR": {5121: "<u1", 5123: "<u2", 5125: "<u4"}}
-"""Types of coordinates, and of corners, by the numbers that they have in a file."""
+_Kinds: TypeAlias = dict[tuple[str, int], str]
+"""Types of numbers, by how many stand together and by their name in a file (3.6.2.2)."""
 
-_WIDTHS = {"VEC3": 3, "SCALAR": 1}
+_WIDTHS = {"VEC4": 4, "VEC3": 3, "SCALAR": 1}
+
+_COORDINATES: _Kinds = {("VEC3", 5126): "<f4"}
+_CORNERS: _Kinds = {("SCALAR", 5121): "<u1", ("SCALAR", 5123): "<u2", ("SCALAR", 5125): "<u4"}
+_COLOURS: _Kinds = {
+    (width, name): kind
+    for width in ("VEC3", "VEC4")
+    for name, kind in {5126: "<f4", 5121: "<u1", 5123: "<u2"}.items()
+}
 
 _ANY = {"name", "extensions", "extras"}
 _KEYS = {
@@ -60,29 +68,16 @@ def of_glb(file: BinaryIO) -> trimesh.Trimesh:
         If coordinates are replaced, packed, deformed or elsewhere, or not as the file states, or
         not all shapes are in the scene.
     """
-    import trimesh
-
     scene, data = _parts(file)
     _require_plain(scene)
     placed = dict(_placed(scene))
-    number = sum("mesh" in node for node in scene.get("nodes", ()))
-    if not placed or len(placed) != number:
-        given = f"a glTF file of {number} shapes, {len(placed)} of them in its scene"
+    nodes = sum("mesh" in node for node in scene.get("nodes", ()))
+    shown, number = {mesh for mesh, _ in placed.values()}, len(scene.get("meshes", ()))
+    if not shown or len(placed) != nodes or len(shown) != number:
+        given = f"a glTF file of {nodes} shapes of {number} meshes, not all of them in its scene"
         raise InvalidInput(given, "its scene has all of them", "export the rock alone")
-    shapes = {mesh: [*_shapes(scene, mesh, data)] for mesh, _ in placed.values()}
-    faces = {mesh: sum(len(one) for _, one in parts) for mesh, parts in shapes.items()}
-    check_repeated(number, sum(faces[mesh] for mesh, _ in placed.values()), sum(faces.values()))
-    found = [
-        trimesh.Trimesh(*part, process=False).apply_transform(matrix)
-        for mesh, matrix in placed.values()
-        for part in shapes[mesh]
-    ]
-    corners = trimesh.util.append_faces(
-        [one.vertices for one in found], [one.faces for one in found]
-    )
-    whole = trimesh.Trimesh(*corners, process=False)
-    whole.units = _unit(scene, shapes)
-    return whole
+    shapes = {mesh: [*_shapes(scene, mesh, data)] for mesh in sorted(shown)}
+    return joined(shapes, [*placed.values()], _unit(scene, shapes))
 
 
 def _parts(file: BinaryIO) -> tuple[dict[str, Any], bytes]:
@@ -184,34 +179,36 @@ def _matrix(node: dict[str, Any]) -> Array:
     return np.asarray(shift @ quaternion_matrix((w, x, y, z)) @ scale)
 
 
-def _shapes(scene: dict[str, Any], mesh: int, data: bytes) -> Iterator[tuple[Array, Indices]]:
-    """Corners and faces of the parts of a mesh."""
+def _shapes(scene: dict[str, Any], mesh: int, data: bytes) -> Iterator[Shape]:
+    """The parts of a mesh."""
     parts = _item(scene, "meshes", mesh)
     for number in range(len(parts["primitives"])):
         part = _item(parts, "primitives", number)
-        at = part["attributes"]["POSITION"]
-        points = _stored(scene, at, data, "VEC3").astype(np.float64)
-        _require_bounds(_item(scene, "accessors", at), points)
+        names = part["attributes"]
+        points = _stored(scene, names["POSITION"], data, _COORDINATES).astype(np.float64)
+        _require_bounds(_item(scene, "accessors", names["POSITION"]), points)
+        corners = np.arange(len(points))
         if "indices" in part:
-            corners = _stored(scene, part["indices"], data, "SCALAR").astype(np.int64)
-        else:
-            corners = np.arange(len(points))
-        if corners.max() >= len(points):
-            given = f"a face of vertex {corners.max()}, of {len(points)}"
-            raise InvalidInput(given, "faces are made of their shape's vertices", "export it again")
-        yield points, corners.reshape(-1, 3)
+            corners = _stored(scene, part["indices"], data, _CORNERS).astype(np.int64)
+        colours = None
+        if "COLOR_0" in names:
+            held = _stored(scene, names["COLOR_0"], data, _COLOURS)[:, :3]
+            largest = 1.0 if held.dtype.kind == "f" else float(np.iinfo(str(held.dtype)).max)
+            colours = np.clip(held / largest, 0.0, 1.0)
+        yield Shape(points, corners.reshape(-1, 3), colours)
 
 
-def _stored(scene: dict[str, Any], at: int, data: bytes, kind: str) -> Array:
-    """Numbers of an accessor, shape (count, 3) or (count, 1) (3.6.2)."""
+def _stored(scene: dict[str, Any], at: int, data: bytes, kinds: _Kinds) -> Array:
+    """Numbers of an accessor, shape (count, width), of one of some kinds (3.6.2)."""
     accessor = _item(scene, "accessors", at)
-    types, width = _NUMBERS[kind], _WIDTHS[kind]
     of = accessor["type"], accessor["componentType"]
-    if of not in [(kind, one) for one in types] or "bufferView" not in accessor:
-        given = f"{accessor['type']} of type {of[1]} where {listed([f'{one}' for one in types])} is"
-        raise InvalidInput(given, "coordinates and corners are as glTF has them", "export it again")
+    if of not in kinds or "bufferView" not in accessor:
+        known = listed([f"{name} {kind}" for name, kind in kinds])
+        given = f"{of[0]} {of[1]}" if "bufferView" in accessor else "numbers in no buffer"
+        raise InvalidInput(f"{given} in a glTF file", f"these are {known}", "export it again")
+    number, width = np.dtype(kinds[of]), _WIDTHS[of[0]]
     view = _item(scene, "bufferViews", accessor["bufferView"])
-    number, count, end = np.dtype(types[of[1]]), accessor["count"], view["byteLength"]
+    count, end = accessor["count"], view["byteLength"]
     start, first = view.get("byteOffset", 0), accessor.get("byteOffset", 0)
     row = width * number.itemsize
     step = view.get("byteStride", row)

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.config.outside import check_regular
 from pipeline.stages.mesh import collada_files, gltf_files, ply_files, text_meshes
-from pipeline.stages.mesh.file_limits import COARSEST
+from pipeline.stages.mesh.shapes import COARSEST
 from vsr_core.errors import InvalidInput, reason
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
     kind = path.suffix[1:].lower()
     try:
         with path.open("rb") as file:
-            mesh = _loaded(file, kind)
+            mesh = _AS_READ[kind](file)
     except InvalidInput:
         raise
     except Exception as error:  # noqa: BLE001 (readers of five formats raise what they like)
@@ -70,26 +70,14 @@ def _unit(name: Any) -> float:
     raise InvalidInput(given, "it is one of length", "export it in metres")
 
 
-def _loaded(file: BinaryIO, kind: str) -> trimesh.Trimesh:
-    import trimesh
-
-    taken = _AS_READ[kind](file)
-    if isinstance(taken, trimesh.Trimesh):
-        return taken
-    mesh = trimesh.load(taken, file_type=kind, resolver={}, force="mesh", process=False)
-    if isinstance(mesh, trimesh.Trimesh):
-        return mesh
-    return trimesh.Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=int))
-
-
-_AS_READ: dict[str, Callable[[BinaryIO], BinaryIO | trimesh.Trimesh]] = {
-    "dae": collada_files.without_pictures,
+_AS_READ: dict[str, Callable[[BinaryIO], trimesh.Trimesh]] = {
+    "dae": collada_files.of_dae,
     "glb": gltf_files.of_glb,
     "obj": text_meshes.of_obj,
-    "ply": ply_files.whole,
+    "ply": ply_files.of_ply,
     "stl": text_meshes.of_stl,
 }
-"""The mesh of a file, by its format, or what trimesh is to read."""
+"""The mesh of a file, by its format."""
 
 
 def _require_faces_of_vertices(mesh: trimesh.Trimesh) -> None:

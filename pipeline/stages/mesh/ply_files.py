@@ -67,16 +67,19 @@ class _Element(NamedTuple):
         return [one for one in self.parts if one.counted is not None]
 
 
-def whole(file: BinaryIO) -> BinaryIO | trimesh.Trimesh:
-    """The mesh of a binary file whose faces have not three corners each; else the file as it is.
+def of_ply(file: BinaryIO) -> trimesh.Trimesh:
+    """The mesh of a file; none of its faces if it has no faces.
 
-    trimesh takes each face to have as many as the first.
+    trimesh, by which others are read, takes each face of a binary file to have as many corners as
+    the first.
 
     Raises
     ------
     InvalidInput
         If its lines, or its bytes, are not as many as its header says.
     """
+    import trimesh
+
     lines = iter(partial(file.readline, _LINE), b"")
     header = [line.decode("latin-1").split() for line in takewhile(_is_before_end, lines)]
     order = "<" if ["format", "binary_little_endian", "1.0"] in header else ">"
@@ -95,7 +98,10 @@ def whole(file: BinaryIO) -> BinaryIO | trimesh.Trimesh:
         if mesh is not None:
             return mesh
     file.seek(0)
-    return file
+    read = trimesh.load(file, file_type="ply", force="mesh", process=False)
+    if isinstance(read, trimesh.Trimesh):
+        return read
+    return trimesh.Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=int))
 
 
 def _is_before_end(line: bytes) -> bool:

@@ -1,4 +1,4 @@
-"""Meshes as text, OBJ and STL: each line is one of the format's, and whole.
+"""Meshes as text, OBJ and STL, and binary STL: each line is one of the format's, and whole.
 
 trimesh passes over lines that it does not know, as those of a part that was cut, or that begin with
 a blank.
@@ -35,8 +35,10 @@ _FACET = (b"facet", b"outer", b"vertex", b"vertex", b"vertex", b"endloop", b"end
 
 _WORDS = {b"facet": 5, b"outer": 2, b"vertex": 4, b"endloop": 1, b"endfacet": 1}
 
-_STL_HEAD, _STL_FACET = 84, 50
-"""Bytes of a binary STL file before its facets, and of each of them."""
+_STL_HEAD = 84
+"""Bytes of a binary STL file before its facets."""
+
+_STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 
 
 def of_obj(file: BinaryIO) -> trimesh.Trimesh:
@@ -99,26 +101,27 @@ def fans(corners: Indices, sizes: Indices) -> Indices:
     return corners[np.column_stack([first, first + beside, first + beside + 1])]
 
 
-def of_stl(file: BinaryIO) -> BinaryIO | trimesh.Trimesh:
-    """The facets of an STL file of text, by "StL Interface Specification" (3D Systems, 1989).
-
-    One that is binary is given back as it is.
+def of_stl(file: BinaryIO) -> trimesh.Trimesh:
+    """The facets of an STL file, by "StL Interface Specification" (3D Systems, 1989).
 
     Raises
     ------
     InvalidInput
-        Of a line that is none of the format's, or in another place.
+        Of a line of text that is none of the format's, or in another place; of other facets than a
+        binary file says.
     """
     import trimesh
 
     data = file.read()
     number = int.from_bytes(data[_STL_HEAD - 4 : _STL_HEAD], "little")
-    file.seek(0)
-    if len(data) >= _STL_HEAD and len(data) == _STL_HEAD + _STL_FACET * number:
-        return file
+    if len(data) >= _STL_HEAD and len(data) == _STL_HEAD + _STL_FACET.itemsize * number:
+        corners = np.frombuffer(data, _STL_FACET, number, _STL_HEAD)["corners"].reshape(-1, 3)
+        faces = np.arange(len(corners)).reshape(-1, 3)
+        return trimesh.Trimesh(corners.astype(np.float64), faces, process=False)
     if b"\0" in data:
         given = f"a file of {len(data)} bytes that says {number} facets"
-        raise InvalidInput(given, f"it has 84, and {_STL_FACET} for each", "export it again")
+        rule = f"it has {_STL_HEAD}, and {_STL_FACET.itemsize} for each"
+        raise InvalidInput(given, rule, "export it again")
     vertices, at, is_open = array("d"), 0, False
     for line in data.removeprefix(_BOM).splitlines():
         words = line.split() or [b""]

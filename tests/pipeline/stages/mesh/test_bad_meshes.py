@@ -215,10 +215,13 @@ def two_in_collada() -> bytes:
     [
         (
             lambda text: b"<p>0 </p><p>".join(text.rsplit(b"<p>", 1)),
-            "1280 faces of |cannot be read",
+            "1280 triangles whose corners are others",
         ),
-        (lambda text: text.replace(b"<accessor ", b'<accessor offset="3" ', 1), "from 3 on in"),
-        (lambda text: text.replace(b'stride="3"', b'stride="6"', 1), "in steps of 6, of 3"),
+        (
+            lambda text: text.replace(b"<accessor ", b'<accessor offset="3" ', 1),
+            "from number 3 on in",
+        ),
+        (lambda text: text.replace(b'stride="3"', b'stride="6"', 1), "in steps of 6; they are X"),
         (
             lambda text: re.sub(rb'<geometry id="[^"]*"', b'<geometry id="a"', text),
             "two parts that are named 'a'",
@@ -295,12 +298,12 @@ def test_a_shape_does_not_need_its_material(
         ("<scalf>2 2 2</scalf>", "a node with a 'scalf'; a node has none"),
         ("<translate>1 0 nan</translate>", "3 numbers"),
         ("<rotate>0 0 2 90</rotate>", "an axis of length 1"),
-        ("<skew>30 1 0 0 0 1 0</skew>", "with a skew"),
-        ("<lookat>0 0 0 0 0 -1 0 2 0</lookat>", "with a lookat"),
-        ('<instance_node url="#x"/>', "without a scene that can be read"),
+        ("<skew>30 1 0 0 0 1 0</skew>", "a node with skew"),
+        ("<lookat>0 0 0 0 0 -1 0 2 0</lookat>", "a node with lookat"),
+        ('<instance_node url="#x"/>', "instance_node is of '#x', which cannot"),
         ('<node id="a"/><node id="a"/><instance_node url="#a"/>', "two parts that are named 'a'"),
-        ('<instance_geometry url="#x"/>', "2 shapes in its scene, of which 1 can be read"),
-        ('<instance_controller url="#x"/>', "2 shapes in its scene, of which 1 can be read"),
+        ('<instance_geometry url="#x"/>', "instance_geometry is of '#x', which cannot"),
+        ('<instance_controller url="#x"/>', "a node with instance_controller"),
     ],
 )
 def test_a_part_of_a_scene_that_cannot_be_read_is_not_left_out(
@@ -338,7 +341,7 @@ def test_a_scene_of_nodes_that_multiply_is_refused_at_once(tmp_path: Path) -> No
     (tmp_path / "rock.dae").write_text(text)
     with (
         bounded(seconds=5.0, mebibytes=300.0),
-        pytest.raises(InvalidInput, match="1,073,741,824 shapes"),
+        pytest.raises(InvalidInput, match="more than 10,000 nodes in a scene"),
     ):
         mesh_files.read(tmp_path / "rock.dae")
 
@@ -354,9 +357,35 @@ def test_strips_and_fans_are_counted_by_their_faces(tmp_path: Path) -> None:
     text = text.replace(b"triangles", b"trifans").replace(b'count="8"', b'count="2"')
     (tmp_path / "rock.dae").write_bytes(text)
     assert mesh_files.read(tmp_path / "rock.dae").volume == pytest.approx(4.0 / 3.0)
+    strips = [[0, 1, 4, 2, 3], [3, 0, 4], [0, 5, 1], [1, 5, 2, 3], [0, 3, 5]]
+    joined = "".join(f"<p>{' '.join(f'{one} {one}' for one in strip)}</p>" for strip in strips)
+    (tmp_path / "rock.dae").write_bytes(
+        text.replace(both.encode(), joined.encode())
+        .replace(b"trifans", b"tristrips")
+        .replace(b'count="2"', b'count="5"')
+    )
+    assert mesh_files.read(tmp_path / "rock.dae").volume == pytest.approx(4.0 / 3.0)
     (tmp_path / "rock.dae").write_bytes(re.sub(rb"</p><p>[^<]*</p>", b"</p>", text))
     with pytest.raises(InvalidInput, match="2 trifans whose corners are others"):
         mesh_files.read(tmp_path / "rock.dae")
+
+
+def test_a_shape_beside_a_scene_is_not_left_out(tmp_path: Path) -> None:
+    """Of COLLADA, one that nothing shows, that another scene shows, and that is no mesh."""
+    whole = two_in_collada()
+    last = whole.rindex(b"<instance_geometry")
+    shown = whole[last : whole.index(b"</instance_geometry>", last) + 20]
+    other = b'<visual_scene id="other"><node>' + shown + b"</node></visual_scene>"
+    scenes = b"</library_visual_scenes>"
+    for text in (
+        whole.replace(shown, b""),
+        whole.replace(scenes, other + scenes),
+        whole.replace(b"<mesh>", b"<convex_mesh>", 1).replace(b"</mesh>", b"</convex_mesh>", 1),
+    ):
+        assert text != whole
+        (tmp_path / "rock.dae").write_bytes(text)
+        with pytest.raises(InvalidInput, match=r"shapes beside the scene|faces of .* cannot be"):
+            mesh_files.read(tmp_path / "rock.dae")
 
 
 @pytest.mark.parametrize(("order", "named"), [("<", "little"), (">", "big")])
@@ -428,7 +457,11 @@ def test_an_obj_of_a_million_blanks_is_read_at_once(tmp_path: Path) -> None:
         (rb"</p>", b"</p><p>0 1 2</p>", "1280 triangles whose corners are others"),
         (rb"<p>\d+", b"<p>-1", "1280 triangles whose corners are others"),
         (rb"(<geometry [^>]*>)", rb'\1<asset><unit name="inch" meter="0.0254"/></asset>', "a unit"),
-        (rb'(<accessor [^>]*)source="#', rb'\1source="#other-', "beside which it is not"),
+        (
+            rb'(<accessor [^>]*)source="#',
+            rb'\1source="#other-',
+            "of other numbers than those beside",
+        ),
     ],
 )
 def test_a_collada_file_that_contradicts_itself_is_refused(
@@ -584,12 +617,11 @@ def test_a_corner_of_a_face_of_text_is_a_whole_number(tmp_path: Path) -> None:
 
 
 def test_a_coordinate_of_collada_that_is_no_number_is_refused(tmp_path: Path) -> None:
-    """pycollada reads 0."""
     text = export_collada(ball()).decode()
     at = text.index("<float_array")
     changed = text[:at] + re.sub(r">\s*\S+ ", ">NaN ", text[at:], count=1)
     (tmp_path / "rock.dae").write_text(changed)
-    with pytest.raises(InvalidInput, match="coordinates with NaN"):
+    with pytest.raises(InvalidInput, match="a coordinate 'NaN'; it is a number"):
         mesh_files.read(tmp_path / "rock.dae")
 
 
@@ -661,7 +693,7 @@ def test_all_shapes_of_a_gltf_scene_are_read_or_none(tmp_path: Path) -> None:
     assert found.bounds[1] == pytest.approx([far, *2.0 * ball().bounds[1, 1:]], rel=1e-5)
     nodes = [{"mesh": 0}, {"mesh": 0}]
     glb(path, lambda scene: scene | {"nodes": nodes, "scenes": [{"nodes": [0]}, {"nodes": [1]}]})
-    with pytest.raises(InvalidInput, match="of 2 shapes, 1 of them in its scene"):
+    with pytest.raises(InvalidInput, match="of 2 shapes of 1 meshes, not all of them in"):
         mesh_files.read(path)
     glb(path, lambda scene: in_two(scene) | {"scenes": [{"nodes": [-1]}]})
     with pytest.raises(InvalidInput, match="names nodes -1 of 3"):
@@ -682,6 +714,33 @@ def test_units_of_shapes_in_gltf_are_one(tmp_path: Path) -> None:
         mesh_files.read(tmp_path / "rock.glb")
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+def test_colours_of_gltf_are_read(tmp_path: Path, kind: type) -> None:
+    """Which tell rock and ground apart."""
+    mesh, path = ball(), tmp_path / "rock.glb"
+    shades = (255.0 * (mesh.vertices[:, 2:] > 0.0) * [1.0, 0.4, 0.2]).astype(np.uint8)
+    mesh.visual.vertex_colors = shades
+    content = mesh.export(file_type="glb")
+    length = int.from_bytes(content[12:16], "little")
+    scene = json.loads(content[20 : 20 + length])
+    at = scene["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]
+    code, largest = {np.uint8: (5121, 255), np.uint16: (5123, 65535), np.float32: (5126, 1.0)}[kind]
+    data = (mesh.visual.vertex_colors / 255.0 * largest).round(7).astype(kind).tobytes()
+    more = {"buffer": 0, "byteOffset": len(content) - 28 - length, "byteLength": len(data)}
+    scene["accessors"][at] |= {"componentType": code, "bufferView": len(scene["bufferViews"])}
+    scene["bufferViews"].append(more)
+    text = json.dumps(scene).encode()
+    text += b" " * (-len(text) % 4)
+    body = content[28 + length :] + data
+    parts = [len(text).to_bytes(4, "little"), b"JSON", text]
+    parts += [len(body).to_bytes(4, "little"), b"BIN\0", body]
+    whole = b"".join(parts)
+    path.write_bytes(b"glTF" + struct.pack("<II", 2, 12 + len(whole)) + whole)
+    read = mesh_files.read(path)
+    assert read.vertices == pytest.approx(mesh.vertices, abs=1e-6)
+    assert np.abs(read.visual.vertex_colors[:, :3].astype(int) - shades).max() <= 1
+
+
 def corners(change: dict[str, Any], at: int = 0) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """A scene in which what is said of the corners of faces, or of others, is another."""
 
@@ -696,8 +755,8 @@ def corners(change: dict[str, Any], at: int = 0) -> Callable[[dict[str, Any]], d
 @pytest.mark.parametrize(
     ("change", "at", "told"),
     [
-        ({"componentType": 5126}, 0, "SCALAR of type 5126 where 5121, 5123 and 5125 is"),
-        ({"type": "VEC3"}, 0, "VEC3 of type 512"),
+        ({"componentType": 5126}, 0, "SCALAR 5126 in a glTF file; these are SCALAR 5121, "),
+        ({"type": "VEC3"}, 0, "VEC3 512"),
         ({"byteOffset": 4}, 0, "they are in the file"),
         ({"count": 10_000_000}, 1, "they are in the file"),
         ({"count": 640}, 1, "a face of vertex 641, of 640"),

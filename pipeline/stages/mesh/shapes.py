@@ -1,0 +1,86 @@
+"""Shapes of a scene as one mesh, and how coarse and how many they may be."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from vsr_core.arrays import Array, Indices
+from vsr_core.errors import InvalidInput
+
+if TYPE_CHECKING:
+    import trimesh
+
+COARSEST = 1e-3
+"""Largest step between neighbouring numbers of a file, as a share of what it shows."""
+
+MOST_SHAPES, MOST_REPEATED = 10_000, 1_000_000
+"""In a scene, each as often as it is there."""
+
+_Name = TypeVar("_Name", bound=Hashable)
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A part of a file.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n, 3)
+    faces : ndarray of int, shape (k, 3)
+    colours : ndarray, shape (n, 3), 0 to 1; None without
+
+    Raises
+    ------
+    InvalidInput
+        If a face is of a vertex that is not there.
+    """
+
+    points: Array
+    faces: Indices
+    colours: Array | None = None
+
+    def __post_init__(self) -> None:
+        if self.faces.size and self.faces.max() >= len(self.points):
+            given = f"a face of vertex {self.faces.max()}, of {len(self.points)}"
+            raise InvalidInput(given, "faces are made of their shape's vertices", "export it again")
+
+
+def joined(
+    shapes: Mapping[_Name, Sequence[Shape]], placed: Sequence[tuple[_Name, Array]], unit: str
+) -> trimesh.Trimesh:
+    """Shapes where they stand, as one mesh; coloured if all of them are.
+
+    Parameters
+    ----------
+    placed : names of shapes, each as often as it is there, and what moves it, shape (4, 4)
+
+    Raises
+    ------
+    InvalidInput
+        If they are too many, or far more faces than are stored.
+    """
+    import trimesh
+
+    faces = {name: sum(len(one.faces) for one in parts) for name, parts in shapes.items()}
+    shown, stored = sum(faces[name] for name, _ in placed), sum(faces.values())
+    if len(placed) > MOST_SHAPES or shown - stored > MOST_REPEATED:
+        given = f"{len(placed):,} shapes of {shown:,} faces in a scene, where {stored:,} are stored"
+        rule = f"they are at most {MOST_SHAPES:,}, of {MOST_REPEATED:,} faces more than that"
+        raise InvalidInput(given, rule, "export the rock alone")
+    parts = [(one, matrix) for name, matrix in placed for one in shapes[name]]
+    found = [
+        trimesh.Trimesh(one.points, one.faces, process=False).apply_transform(matrix)
+        for one, matrix in parts
+    ]
+    mesh = trimesh.util.append_faces([one.vertices for one in found], [one.faces for one in found])
+    colours = [one.colours for one, _ in parts if one.colours is not None]
+    shades = np.rint(255.0 * np.vstack(colours)) if len(colours) == len(parts) > 0 else None
+    whole = trimesh.Trimesh(
+        *mesh, vertex_colors=None if shades is None else shades.astype(np.uint8), process=False
+    )
+    whole.units = unit
+    return whole
