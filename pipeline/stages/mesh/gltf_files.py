@@ -58,6 +58,9 @@ _KEYS = {
 }
 """What is said of parts of a file (5), beside what any may have."""
 
+_BESIDE = {"KHR_lights_punctual", "KHR_materials_variants", "KHR_draco_mesh_compression"}
+"""Extensions that change no shape, or stand beside one that is not packed."""
+
 
 def of_glb(file: BinaryIO) -> trimesh.Trimesh:
     """The shapes of a file's scene, in one mesh; its unit is the metre, or what its shapes state.
@@ -161,9 +164,10 @@ def _item(scene: dict[str, Any], kind: str, at: int) -> dict[str, Any]:
         given, rule = f"a glTF file that names {kind} {at} of {number}", "they are in it"
         raise InvalidInput(given, rule, "export it again")
     one: dict[str, Any] = scene[kind][at]
-    if unknown := one.keys() - _KEYS[kind] - _ANY:
+    told = one.keys() | one.get("extensions", {}).keys()
+    if unknown := told - _KEYS[kind] - _ANY - _BESIDE:
         given = f"{kind} with {min(unknown)[:40]!r}"
-        raise InvalidInput(given, "a glTF file has none", "export it again")
+        raise InvalidInput(given, "a plain glTF file has none", "export it without, or as .ply")
     return one
 
 

@@ -699,7 +699,11 @@ def test_all_shapes_of_a_gltf_scene_are_read_or_none(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="names nodes -1 of 3"):
         mesh_files.read(path)
     glb(path, lambda scene: scene | {"nodes": [{"mesh": 0, "scalE": [2.0, 2.0, 2.0]}]})
-    with pytest.raises(InvalidInput, match="nodes with 'scalE'; a glTF file has none"):
+    with pytest.raises(InvalidInput, match="nodes with 'scalE'; a plain glTF file has none"):
+        mesh_files.read(path)
+    often = {"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {}}}}
+    glb(path, lambda scene: scene | {"nodes": [often], "extensionsUsed": ["EXT_mesh_gpu_instanc"]})
+    with pytest.raises(InvalidInput, match="nodes with 'EXT_mesh_gpu_instancing'"):
         mesh_files.read(path)
 
 
