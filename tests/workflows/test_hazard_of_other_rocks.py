@@ -313,6 +313,21 @@ def test_what_looks_wrong_in_the_file_of_another_rock_is_told(
     assert "other.yaml: contact.friction: got 35" in told
 
 
+def test_a_hazard_is_of_other_rocks_as_they_are(write_site: Callable[..., str]) -> None:
+    """Of their settings that decide what they are, and of no others."""
+    age = "{kind: bounds, low: 300, high: 500}"
+    site = write_site(
+        f"{BOX}{GRID}{HAZARD.split('compare')[0]}rocks: [{{site: other.yaml, age: {age}}}]}}"
+    )
+    found = []
+    for told in ("", "hazard: {minimum_survival_probability: 0.1}\n", "contact: {friction: 0.5}\n"):
+        write_site(BOX + GRID + told, name="other")
+        read = load_site(site)
+        found.append(other_rocks.find(read.config.hazard, read.origin).digests())
+    assert found[0] == found[1] != found[2]
+    assert found[0].keys() == found[2].keys()
+
+
 @pytest.mark.slow
 def test_products_of_another_rock_as_it_was_are_not_taken(
     vsr: Callable[..., Ran],

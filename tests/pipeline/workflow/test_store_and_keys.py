@@ -29,7 +29,7 @@ from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.runs.runner import Run, missing
 from pipeline.stages.runs.scenes import code as run_code
-from pipeline.workflow import keys, store
+from pipeline.workflow import graph, keys, store
 from pipeline.workflow.graph import FINDERS, Identity, Values, identities, identity, why
 from pipeline.workflow.owner import LOCK
 from pipeline.workflow.registry import BY_NAME, STAGES, inputs_of
@@ -195,6 +195,15 @@ def test_flipped_byte_is_seen_and_mended(
     assert vsr(*command).code == 0
     assert path.read_bytes() == whole
     assert "is not what was written" not in vsr("why", "responses", "--site", site).out
+
+
+def test_stages_of_crashed_runs_are_forgotten(shelf: Store) -> None:
+    """And those that need them, but none beside."""
+    for stage in ("rock", "motions", "runs", "responses"):
+        shelf.publish(stage, FACTS | {"retry": int(stage == "runs")}, {})
+    graph._forget_crashed("responses", shelf)
+    kept = [stage for stage in ("rock", "motions", "runs", "responses") if shelf.manifest(stage)]
+    assert kept == ["rock", "motions"]
 
 
 @pytest.mark.slow
