@@ -16,9 +16,12 @@ import trimesh
 from vsr_core.arrays import Array, Indices, Mask
 from vsr_core.errors import InvalidInput
 from vsr_core.scan.cleaning import colours_of
-from vsr_core.scan.topology import Edges, edges, ends
+from vsr_core.scan.topology import edges, ends
 
 Point: TypeAlias = tuple[float, float, float]
+
+_HALVINGS = 40
+"""Of an edge, until its place on a prism's wall is found."""
 
 _NEAR_END = 0.05  # a cut within this share of an edge's end passes through the vertex
 
@@ -72,8 +75,18 @@ class Box:
             raise InvalidInput(
                 f"a box from {self.low} to {self.high}", "low is below high", "swap them"
             )
-        below, above = mesh.vertices - np.array(self.low), np.array(self.high) - mesh.vertices
-        return np.minimum(below, above).min(axis=1)
+        return np.min([side.inside(mesh) for side in self.sides], axis=0)
+
+    @property
+    def sides(self) -> tuple[Plane, ...]:
+        """The planes that it lies between."""
+        from_low: tuple[Point, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        from_high: tuple[Point, ...] = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+        low, high = (
+            (Plane(self.low, one) for one in from_low),
+            (Plane(self.high, one) for one in from_high),
+        )
+        return (*low, *high)
 
     def moved(self, by: Array) -> Box:
         """The same box elsewhere.
@@ -158,7 +171,7 @@ Cut: TypeAlias = Plane | Box | Polygon | Colour
 
 
 def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
-    """Faces split along a cut.
+    """Faces split along a cut, by a box along each of its sides.
 
     Parameters
     ----------
@@ -170,42 +183,69 @@ def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
     faces : ndarray of int, shape (m, 3)
     rock : ndarray of bool, shape (m,), on the rock's side
     """
+    cut.inside(mesh)  # refuses what is no cut
+    whole, rock = mesh, np.ones(len(mesh.faces), dtype=bool)
+    for side in cut.sides if isinstance(cut, Box) else (cut,):
+        vertices, faces, rock = _split(whole, side, rock)
+        whole = trimesh.Trimesh(vertices, faces, process=False)
+    return vertices, faces, rock
+
+
+def _split(mesh: trimesh.Trimesh, cut: Cut, rock: Mask) -> tuple[Array, Indices, Mask]:
+    """The same of a cut that is one surface, which splits none but the edges of some faces."""
     vertices, faces = np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
     found, value = edges(faces), np.array(cut.inside(mesh))
-    _, start, end, share = _crossings(value, faces, found)
-    value[start[share < _NEAR_END]] = 0.0
-    value[end[share > 1.0 - _NEAR_END]] = 0.0
-    crossed, start, end, share = _crossings(value, faces, found)
+    own = np.logical_or.reduceat(rock[found.side // 3], found.first)
+    start, end = ends(faces, found.side[found.first]).T
+    crossed = own & (value[start] * value[end] < 0.0)
+    share = np.zeros(len(start))
+    share[crossed] = _shares(mesh, cut, value, start[crossed], end[crossed])
+    value[start[crossed & (share < _NEAR_END)]] = 0.0
+    value[end[crossed & (share > 1.0 - _NEAR_END)]] = 0.0
+    crossed &= value[start] * value[end] < 0.0
+    start, end, share = start[crossed], end[crossed], share[crossed]
     number = np.full(len(found.first), -1)
     number[crossed] = len(vertices) + np.arange(len(start))
     between = np.full(3 * len(faces), -1)
     between[found.side] = np.repeat(number, found.count)
     new = (1.0 - share)[:, None] * vertices[start] + share[:, None] * vertices[end]
-    faces = _split_faces(faces, between.reshape(-1, 3))
+    faces, origin = _split_faces(faces, between.reshape(-1, 3))
     value = np.append(value, np.zeros(len(start)))
-    return np.concatenate([vertices, new]), faces, value[faces].sum(axis=1) > 0.0
+    return np.concatenate([vertices, new]), faces, rock[origin] & (value[faces].sum(axis=1) > 0.0)
 
 
-def _crossings(value: Array, faces: Indices, found: Edges) -> tuple[Mask, Indices, Indices, Array]:
-    """Which edges are cut, their ends, and at what share of their length."""
-    start, end = ends(faces, found.side[found.first]).T
-    crossed = value[start] * value[end] < 0.0
-    start, end = start[crossed], end[crossed]
-    return crossed, start, end, value[start] / (value[start] - value[end])
+def _shares(mesh: trimesh.Trimesh, cut: Cut, value: Array, start: Indices, end: Indices) -> Array:
+    """At what share of their length edges are cut.
+
+    The distance to a prism is straight along an edge only where it is that to one wall: there the
+    place is halved in on. Colours are straight between vertices.
+    """
+    share = value[start] / (value[start] - value[end])
+    if not isinstance(cut, Polygon):
+        return share
+    low, high = np.zeros(len(start)), np.ones(len(start))
+    for _ in range(_HALVINGS):
+        share = 0.5 * (low + high)
+        points = (1.0 - share)[:, None] * mesh.vertices[start] + share[:, None] * mesh.vertices[end]
+        is_first = cut.inside(trimesh.Trimesh(points, process=False)) * value[start] > 0.0
+        low, high = np.where(is_first, share, low), np.where(is_first, high, share)
+    return share
 
 
-def _split_faces(faces: Indices, between: Indices) -> Indices:
-    """Faces replaced by their parts; ``between`` numbers the new vertex on each side, or is -1."""
+def _split_faces(faces: Indices, between: Indices) -> tuple[Indices, Indices]:
+    """Parts of faces, and of which each is; ``between`` numbers the new vertex on a side, or -1."""
     cuts = (between >= 0).sum(axis=1)
-    parts = [faces[cuts == 0]]
+    origin = [np.flatnonzero(cuts == 0)]
+    parts = [faces[origin[0]]]
     for k in range(3):
         turn = [(k + j) % 3 for j in range(3)]
-        one = (cuts == 1) & (between[:, k] >= 0)
+        one = np.flatnonzero((cuts == 1) & (between[:, k] >= 0))
         a, b, c = faces[one][:, turn].T
         m = between[one, k]
         parts += [np.column_stack([a, m, c]), np.column_stack([m, b, c])]
-        two = (cuts == 2) & (between[:, turn[2]] < 0)
+        two = np.flatnonzero((cuts == 2) & (between[:, turn[2]] < 0))
         a, b, c = faces[two][:, turn].T
         m, n = between[two, k], between[two, turn[1]]
         parts += [np.column_stack(part) for part in ((m, b, n), (a, m, n), (a, n, c))]
-    return np.concatenate(parts)
+        origin += [one, one, two, two, two]
+    return np.concatenate(parts), np.concatenate(origin)

@@ -222,6 +222,9 @@ _ALIKE = 0.25  # width, in |difference of normals|, of the weight of faces of an
 _MEET = 0.94  # cosine between normals beyond which planes meet nowhere in particular
 
 
+SEAM_MOVED = "seam moved"
+
+
 def settled(separation: Separation) -> Separation:
     """The same with the vertices of the seams where rock and ground meet.
 
@@ -247,8 +250,8 @@ def settled(separation: Separation) -> Separation:
         seams=tuple(replace(seam, points=vertices[seam.loop]) for seam in separation.seams),
         notes=(
             *separation.notes,
-            f"seam moved to where rock and ground meet, by {1e3 * np.median(length):.1f} mm in the "
-            f"median, at most {1e3 * length.max():.1f} mm",
+            f"{SEAM_MOVED} to where rock and ground meet, by {1e3 * np.median(length):.1f} mm in "
+            f"the median, at most {1e3 * length.max():.1f} mm",
         ),
     )
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache, partial
 from typing import TYPE_CHECKING, BinaryIO
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -22,9 +23,10 @@ from vsr_core.errors import InvalidInput
 if TYPE_CHECKING:
     import trimesh
 
-_FANS = {"triangles", "polylist", "polygons", "trifans"}
+_SURFACES = {"triangles", "polylist", "polygons", "trifans", "tristrips"}
 
-_SURFACES = {*_FANS, "tristrips"}
+_GEOMETRIES = {"mesh", "spline", "asset", "extra"}
+"""What stands in a geometry that can be read; a spline has no faces."""
 
 _NUMBERS = {"matrix": 16, "rotate": 4, "scale": 3, "translate": 3}
 _MOVES = {name: f"{number} numbers" for name, number in _NUMBERS.items()} | {
@@ -63,7 +65,7 @@ def of_dae(file: BinaryIO) -> trimesh.Trimesh:
     placed, shown = [], set[Element]()
     for one, matrix in _placed(tree):
         shown.add(one)
-        placed.append((_linked(geometries, one).get("id", ""), matrix))
+        placed.append((_linked(geometries, one.get("url", ""), one.tag).get("id", ""), matrix))
     named = {name for name, _ in placed}
     beside = [name for name, parts in shapes.items() if parts and name not in named]
     if beside or shown != {*tree.iter("instance_geometry")}:
@@ -107,11 +109,10 @@ def _by_id(parts: Iterable[Element]) -> dict[str, Element]:
     return found
 
 
-def _linked(parts: dict[str, Element], link: Element, key: str = "url") -> Element:
+def _linked(parts: dict[str, Element], name: str, of: str) -> Element:
     """The part that another names."""
-    name = link.get(key, "")
     if not name.startswith("#") or name[1:] not in parts:
-        given = f"a file whose {link.tag} is of {name[:40]!r}, which cannot be read"
+        given = f"a file whose {of} is of {name[:40]!r}, which cannot be read"
         raise InvalidInput(given, "what it names is in it", "export it again")
     return parts[name[1:]]
 
@@ -124,7 +125,7 @@ def _placed(tree: Element) -> Iterator[tuple[Element, Array]]:
         raise InvalidInput(given, "it is COLLADA 1.4 with a scene", "export it again")
     used = {one.get("url", "")[1:] for one in tree.iter("instance_node")}
     nodes = _by_id(one for one in tree.iter("node") if one.get("id") in used)
-    root = _linked(_by_id(tree.iter("visual_scene")), scene)
+    root = _linked(_by_id(tree.iter("visual_scene")), scene.get("url", ""), scene.tag)
     left, number = [(one, np.eye(4)) for one in root if one.tag == "node"], 0
     while left:
         node, parent = left.pop()
@@ -135,7 +136,8 @@ def _placed(tree: Element) -> Iterator[tuple[Element, Array]]:
         matrix = parent @ _matrix(node)
         yield from ((one, matrix) for one in node if one.tag == "instance_geometry")
         left += [(one, matrix) for one in node if one.tag == "node"]
-        left += [(_linked(nodes, one), matrix) for one in node if one.tag == "instance_node"]
+        links = [one for one in node if one.tag == "instance_node"]
+        left += [(_linked(nodes, one.get("url", ""), one.tag), matrix) for one in links]
 
 
 def _matrix(node: Element) -> Array:
@@ -184,85 +186,129 @@ def _words(one: Element) -> list[str]:
 
 
 def _shapes(geometry: Element) -> Iterator[Shape]:
-    """The parts of a geometry, but for lines."""
-    surfaces = [one for one in geometry.findall("mesh/*") if one.tag in _SURFACES]
-    if len(surfaces) != sum(one.tag in _SURFACES for one in geometry.iter()):
-        raise _other_count(f"faces of {geometry.get('id')!r} which cannot be read")
-    named = _by_id(one for one in geometry.findall("mesh/*") if one.tag in ("source", "vertices"))
-    for part in surfaces:
-        inputs = [one for one in part if one.tag == "input"]
-        (of,) = (one for one in inputs if one.get("semantic") == "VERTEX")
-        points = _points(named, _linked(named, of, "source"))
-        faces = _faces(part, 1 + max(_whole(one.get("offset", "")) for one in inputs), of)
-        yield Shape(points, faces)
+    """The parts of a geometry, but for lines, of the vertices that they have."""
+    if odd := next((one.tag for one in geometry if one.tag not in _GEOMETRIES), None):
+        raise InvalidInput(f"a geometry of {odd[:40]!r}", "it is a mesh", "export it as a mesh")
+    parts = geometry.findall("mesh/*")
+    named = _by_id(one for one in parts if one.tag in ("source", "vertices"))
+    numbers = cache(partial(_numbers, named))
+    yield from (_shape(part, numbers) for part in parts if part.tag in _SURFACES)
 
 
-def _points(named: dict[str, Element], vertices: Element) -> Array:
-    """Coordinates of vertices, shape (n, 3): numbers x, y and z, one after the other."""
-    places = [one for one in vertices if one.get("semantic") == "POSITION"]
-    if len(places) != 1:
-        given = f"vertices at {'two places' if places else 'no place'}"
-        raise InvalidInput(given, "each is at one", "export it again")
-    source = _linked(named, places[0], "source")
+def _shape(part: Element, numbers: Callable[[str, str], Array]) -> Shape:
+    """A part of a geometry.
+
+    Parameters
+    ----------
+    numbers : of a source by its name, and what they are
+    """
+    inputs = [one for one in part if one.tag == "input"]
+    offsets = [_whole(one.get("offset", "")) for one in inputs]
+    of = {
+        one.get("semantic"): (one.get("source", ""), at)
+        for one, at in zip(inputs, offsets, strict=True)
+    }
+    if "VERTEX" not in of or min(offsets) < 0:
+        raise _other_count(f"{part.tag} which do not say where their vertices stand")
+    corners, faces = _faces(part, 1 + max(offsets))
+    held, rows = [], []
+    for name in ("VERTEX", "COLOR"):
+        if name in of:
+            values, row = numbers(of[name][0], name), corners[:, of[name][1]]
+            if row.max(initial=-1) >= len(values):
+                given = f"a face of number {row.max()}, of {len(values)}"
+                raise InvalidInput(given, "faces are of what stands beside them", "export it again")
+            held.append(values)
+            rows.append(row)
+    _, first, at = np.unique(
+        np.ravel_multi_index(rows, [max(len(one), 1) for one in held]),
+        return_index=True,
+        return_inverse=True,
+    )
+    points, *colours = (values[row[first]] for values, row in zip(held, rows, strict=True))
+    return Shape(points, at[faces], colours[0] if colours else None)
+
+
+def _numbers(named: dict[str, Element], link: str, kind: str) -> Array:
+    """Coordinates of vertices, or colours, shape (n, 3), one after the other."""
+    source, letters = _linked(named, link, kind), [*"RGB"]
+    if kind == "VERTEX":
+        places = [one for one in source if one.get("semantic") == "POSITION"]
+        if len(places) != 1:
+            given = f"vertices at {'two places' if places else 'no place'}"
+            raise InvalidInput(given, "each is at one", "export it again")
+        source, letters = _linked(named, places[0].get("source", ""), "POSITION"), [*"XYZ"]
     accessor, numbers = source.find("technique_common/accessor"), source.find("float_array")
     if accessor is None or numbers is None or accessor.get("source") != f"#{numbers.get('id')}":
         given = "an accessor of other numbers than those beside which it stands"
         raise InvalidInput(given, "it is of these", "export it again")
     names = [str(one.get("name")) for one in accessor]
     start, step = _whole(accessor.get("offset", "0")), _whole(accessor.get("stride", "1"))
-    if names != [*"XYZ"] or (start, step) != (0, 3):
-        given = f"coordinates {', '.join(names)} from number {start} on in steps of {step}"
-        raise InvalidInput(given, "they are X, Y, Z, and nothing else", "export it again")
+    if names[:3] != letters or (start, step) != (0, len(names)):
+        given = f"numbers {', '.join(names)} from number {start} on in steps of {step}"
+        rule = f"they are {', '.join(letters)}, each after the other"
+        raise InvalidInput(given, rule, "export it again")
     words = _words(numbers)
-    told = _whole(numbers.get("count", "")), 3 * _whole(accessor.get("count", ""))
+    told = _whole(numbers.get("count", "")), step * _whole(accessor.get("count", ""))
     if told != (len(words), len(words)):
         raise _other_count(f"{told[0]} numbers of which others are there")
     if odd := next((word for word in words if not _NUMBER.fullmatch(word)), None):
         given = f"a coordinate {odd[:40]!r}"
         raise InvalidInput(given, "it is a number", "export it again")
-    return np.array(words, dtype=float).reshape(-1, 3)
+    return np.array(words, dtype=float).reshape(-1, step)[:, :3]
 
 
 def _whole(word: str) -> int:
     """A number from 0 on; -1 of what is none."""
-    return int(word) if word.isascii() and word.isdigit() else -1
+    return int(word) if re.fullmatch(r"[ \t\r\n]*\+?[0-9]+[ \t\r\n]*", word) else -1
 
 
-def _faces(part: Element, each: int, of: Element) -> Indices:
-    """Triangles of a part, shape (k, 3), where its corners are as many as it says.
+def _faces(part: Element, each: int) -> tuple[Indices, Indices]:
+    """Corners of a part, and its triangles, where there are as many as it says.
 
     Parameters
     ----------
     each : int, how many numbers stand for a corner
-    of : the input whose numbers are those of vertices
+
+    Returns
+    -------
+    corners : ndarray of int, shape (n, each), numbers of what stands there
+    faces : ndarray of int, shape (k, 3), of the corners
     """
-    count, kind = _whole(part.get("count", "")), part.tag
     texts = [_words(one) for one in part if one.tag == "p"]
-    is_whole = all(word.isascii() and word.isdigit() for words in texts for word in words)
-    lengths = np.array([len(words) for words in texts], dtype=np.int64) / each
-    sizes = lengths
-    if kind == "triangles":
-        sizes = np.full(max(count, 0), 3)
-    elif kind == "polylist":
-        sizes = np.array([_whole(word) for one in part.iter("vcount") for word in _words(one)])
-    is_one = kind not in ("triangles", "polylist") or (
-        len(texts) < 2 and lengths.sum() == sizes.sum()
+    words = [word for one in texts for word in one]
+    sizes = _sizes(part, [len(one) for one in texts], each)
+    is_one = part.tag not in ("triangles", "polylist") or len(texts) < 2
+    is_whole = each * sum(sizes) == len(words) and len(sizes) == _whole(part.get("count", ""))
+    are_numbers = all(word.isascii() and word.isdigit() for word in words)
+    if not (is_one and is_whole and are_numbers and min(sizes, default=3) > 2) or part.find("ph"):
+        raise _other_count(f"{part.get('count')} {part.tag} whose corners are others")
+    corners, many = (
+        np.array(words, dtype=np.int64).reshape(-1, each),
+        np.array(sizes, dtype=np.int64),
     )
-    if not (is_whole and is_one and len(sizes) == count and (sizes >= 3).all()) or (
-        (lengths % 1.0).any() or any(one.tag == "ph" for one in part)
-    ):
-        raise _other_count(f"{count} {kind} whose corners are others")
-    numbers = np.array([word for words in texts for word in words], dtype=np.int64)
-    corners = numbers.reshape(-1, each)[:, _whole(of.get("offset", ""))]
-    if kind in _FANS:
-        return fans(corners, sizes.astype(np.int64))
-    return np.concatenate(
-        [_strip(one) for one in np.split(corners, np.cumsum(sizes.astype(int))[:-1])]
+    return corners, _strips(many) if part.tag == "tristrips" else fans(
+        np.arange(len(corners)), many
     )
 
 
-def _strip(corners: Indices) -> Indices:
-    """Triangles of a strip: each has two corners of the one before, and every second is turned."""
-    faces = np.column_stack([corners[:-2], corners[1:-1], corners[2:]])
-    faces[1::2] = faces[1::2, [1, 0, 2]]
-    return faces
+def _sizes(part: Element, lengths: list[int], each: int) -> list[int]:
+    """How many corners each face, strip or fan has.
+
+    Parameters
+    ----------
+    lengths : list of int, how many numbers its texts have
+    """
+    if part.tag == "triangles":
+        return [3] * (sum(lengths) // (3 * each))
+    if part.tag == "polylist":
+        return [_whole(word) for one in part if one.tag == "vcount" for word in _words(one)]
+    return [length // each for length in lengths]
+
+
+def _strips(sizes: Indices) -> Indices:
+    """Triangles of strips, shape (k, 3): each has two corners of the one before, in turn."""
+    many = sizes - 2
+    turn = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+    at = np.repeat(np.cumsum(sizes) - sizes, many) + turn
+    return np.column_stack([at + turn % 2, at + 1 - turn % 2, at + 2])

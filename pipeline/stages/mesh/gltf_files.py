@@ -6,15 +6,16 @@ Rules are those of "glTF 2.0 Specification" (Khronos Group, 2021).
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
 
 import numpy as np
 
 from pipeline.config.outside import of_json
-from pipeline.stages.mesh.shapes import COARSEST, Shape, joined
+from pipeline.stages.mesh.shapes import COARSEST, MOST_REPEATED, Shape, joined
 from pipeline.workflow.grammar import listed
-from vsr_core.arrays import Array
+from vsr_core.arrays import Array, Indices
 from vsr_core.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -54,9 +55,13 @@ _KEYS = {
     "primitives": {"attributes", "indices", "material", "mode", "targets"},
     "accessors": {"bufferView", "byteOffset", "componentType", "normalized", "count", "type"}
     | {"max", "min", "sparse"},
+    "buffers": {"byteLength"},
     "bufferViews": {"buffer", "byteOffset", "byteLength", "byteStride", "target"},
 }
 """What is said of parts of a file (5), beside what any may have."""
+
+_LOOKS = re.compile("[A-Z]+_(lights|materials|texture)_")
+"""Extensions by which a shape looks otherwise and is the same."""
 
 _BESIDE = {"KHR_lights_punctual", "KHR_materials_variants", "KHR_draco_mesh_compression"}
 """Extensions that change no shape, or stand beside one that is not packed."""
@@ -79,6 +84,7 @@ def of_glb(file: BinaryIO) -> trimesh.Trimesh:
     if not shown or len(placed) != nodes or len(shown) != number:
         given = f"a glTF file of {nodes} shapes of {number} meshes, not all of them in its scene"
         raise InvalidInput(given, "its scene has all of them", "export the rock alone")
+    _require_little_repeated(scene)
     shapes = {mesh: [*_shapes(scene, mesh, data)] for mesh in sorted(shown)}
     return joined(shapes, [*placed.values()], _unit(scene, shapes))
 
@@ -87,7 +93,7 @@ def _parts(file: BinaryIO) -> tuple[dict[str, Any], bytes]:
     """The scene of a file, and the bytes of its buffer (4.4)."""
     head = file.read(20)
     version, whole, length = (int.from_bytes(head[at : at + 4], "little") for at in (4, 8, 12))
-    if version != _VERSION:
+    if (head[:4], head[16:], version) != (b"glTF", b"JSON", _VERSION):
         raise InvalidInput(f"a file of glTF {version}", f"it is glTF {_VERSION}", "export it again")
     content = file.read()
     if len(head) + len(content) != whole:
@@ -102,7 +108,6 @@ def _require_plain(scene: dict[str, Any]) -> None:
     parts = [part for mesh in scene.get("meshes", ()) for part in mesh.get("primitives", ())]
     shapes = scene.get("meshes", []) + nodes
     odd = {
-        "sparse accessors": any("sparse" in one for one in scene.get("accessors", ())),
         "morph targets": any(any(one.get("weights", ())) for one in shapes),
         "a skin": any("skin" in node for node in nodes),
         "a matrix and another move of one node": any(
@@ -112,13 +117,12 @@ def _require_plain(scene: dict[str, Any]) -> None:
         "a rotation whose length is not 1": any(
             abs(math.hypot(*node.get("rotation", [1.0])) - 1.0) > _OFF_ONE for node in nodes
         ),
-        "points, lines, strips or fans": any(
-            part.get("mode", _TRIANGLES) != _TRIANGLES for part in parts
-        ),
+        "strips or fans": any(part.get("mode", _TRIANGLES) > _TRIANGLES for part in parts),
         "a node with two parents": not _is_tree(scene),
         "coordinates in another file": any("uri" in one for one in scene.get("buffers", ())),
     }
-    needed = [f"extension {name}" for name in scene.get("extensionsRequired", ())]
+    extensions = (one for one in scene.get("extensionsRequired", ()) if not _LOOKS.match(one))
+    needed = [f"extension {one}" for one in extensions]
     if needed := [*needed, *(name for name, has in odd.items() if has)]:
         given = f"a glTF file that needs {listed(needed)}"
         raise InvalidInput(given, "its coordinates are plain", "export it without, or as .ply")
@@ -183,44 +187,63 @@ def _matrix(node: dict[str, Any]) -> Array:
     return np.asarray(shift @ quaternion_matrix((w, x, y, z)) @ scale)
 
 
+def _require_little_repeated(scene: dict[str, Any]) -> None:
+    """Refuse numbers that stand in far more shapes than memory is for."""
+    meshes = [mesh["primitives"] for mesh in scene["meshes"]]
+    used = [part["indices"] for parts in meshes for part in parts if "indices" in part]
+    used += [at for parts in meshes for at in {one["attributes"]["POSITION"] for one in parts}]
+    counts = [_item(scene, "accessors", at)["count"] for at in used]
+    if sum(counts) - sum(dict(zip(used, counts, strict=True)).values()) > MOST_REPEATED:
+        given, rule = "a glTF file whose numbers stand in many shapes", "each is in its own"
+        raise InvalidInput(given, rule, "export the rock alone")
+
+
 def _shapes(scene: dict[str, Any], mesh: int, data: bytes) -> Iterator[Shape]:
-    """The parts of a mesh."""
+    """The parts of a mesh but points and lines, those of the same vertices as one."""
+    found: dict[tuple[int, int | None], list[Indices]] = {}
     parts = _item(scene, "meshes", mesh)
     for number in range(len(parts["primitives"])):
         part = _item(parts, "primitives", number)
-        names = part["attributes"]
-        points = _stored(scene, names["POSITION"], data, _COORDINATES).astype(np.float64)
-        _require_bounds(_item(scene, "accessors", names["POSITION"]), points)
-        corners = np.arange(len(points))
-        if "indices" in part:
-            corners = _stored(scene, part["indices"], data, _CORNERS).astype(np.int64)
+        if part.get("mode", _TRIANGLES) == _TRIANGLES:
+            names = part["attributes"]
+            of = names["POSITION"], names.get("COLOR_0")
+            if "indices" in part:
+                corners = _stored(scene, part["indices"], data, _CORNERS).astype(np.int64)
+            else:
+                corners = np.arange(_item(scene, "accessors", of[0])["count"])
+            found.setdefault(of, []).append(corners.reshape(-1, 3))
+    for (at, shades), faces in found.items():
+        points = _stored(scene, at, data, _COORDINATES).astype(np.float64)
+        _require_bounds(_item(scene, "accessors", at), points)
         colours = None
-        if "COLOR_0" in names:
-            held = _stored(scene, names["COLOR_0"], data, _COLOURS)[:, :3]
+        if shades is not None:
+            held = _stored(scene, shades, data, _COLOURS)[:, :3]
             largest = 1.0 if held.dtype.kind == "f" else float(np.iinfo(str(held.dtype)).max)
             colours = np.clip(held / largest, 0.0, 1.0)
-        yield Shape(points, corners.reshape(-1, 3), colours)
+        yield Shape(points, np.concatenate(faces), colours)
 
 
 def _stored(scene: dict[str, Any], at: int, data: bytes, kinds: _Kinds) -> Array:
     """Numbers of an accessor, shape (count, width), of one of some kinds (3.6.2)."""
     accessor = _item(scene, "accessors", at)
     of = accessor["type"], accessor["componentType"]
-    if of not in kinds or "bufferView" not in accessor:
+    if of not in kinds or "bufferView" not in accessor or "sparse" in accessor:
         known = listed([f"{name} {kind}" for name, kind in kinds])
         given = f"{of[0]} {of[1]}" if "bufferView" in accessor else "numbers in no buffer"
+        given = "sparse numbers" if "sparse" in accessor else given
         raise InvalidInput(f"{given} in a glTF file", f"these are {known}", "export it again")
     number, width = np.dtype(kinds[of]), _WIDTHS[of[0]]
     view = _item(scene, "bufferViews", accessor["bufferView"])
     count, end = accessor["count"], view["byteLength"]
     start, first = view.get("byteOffset", 0), accessor.get("byteOffset", 0)
+    whole = min(_item(scene, "buffers", view["buffer"])["byteLength"], len(data))
     row = width * number.itemsize
-    step = view.get("byteStride", row)
-    is_here = view["buffer"] == 0 <= min(start, first) and start + end <= len(data)
-    if not is_here or count < 1 or step < row or first + (count - 1) * step + row > end:
-        given = f"{count:,} numbers in steps of {step} bytes from {first:,} on, of {end:,}"
+    stride = view.get("byteStride", row)
+    is_here = view["buffer"] == 0 and min(start, first) >= 0 and start + end <= whole
+    if not is_here or count < 1 or stride < row or first + (count - 1) * stride + row > end:
+        given = f"{count:,} numbers in steps of {stride} bytes from {first:,} on, of {end:,}"
         raise InvalidInput(given, "they are in the file", "export it again")
-    return np.ndarray((count, width), number, data, start + first, (step, number.itemsize))
+    return np.ndarray((count, width), number, data, start + first, (stride, number.itemsize))
 
 
 def _require_bounds(accessor: dict[str, Any], points: Array) -> None:

@@ -8,11 +8,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-import numpy as np
-
 from pipeline.config.outside import check_regular
 from pipeline.stages.mesh import collada_files, gltf_files, ply_files, text_meshes
-from pipeline.stages.mesh.shapes import COARSEST
+from pipeline.stages.mesh.shapes import require_fine, step
 from vsr_core.errors import InvalidInput, reason
 
 if TYPE_CHECKING:
@@ -49,7 +47,7 @@ def read(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
             f"a file that cannot be read ({reason(error)})", "it is a mesh", "export it again"
         ) from None
     _require_faces_of_vertices(mesh)
-    _require_fine_steps(mesh)
+    require_fine(step(mesh.vertices), mesh)
     of_file = _unit(mesh.units or "meters")
     if of_file != 1.0 and abs(scale / of_file - 1.0) > _SAME_UNIT:
         beside = "" if scale == 1.0 else f", and rock.scale: {scale:g}"
@@ -94,16 +92,3 @@ def _require_faces_of_vertices(mesh: trimesh.Trimesh) -> None:
             "faces are made of the file's vertices",
             "export it again",
         )
-
-
-def _require_fine_steps(mesh: trimesh.Trimesh) -> None:
-    """Refuse what single precision has made coarse, as it does of a map's coordinates."""
-    if not len(mesh.faces):
-        return
-    points = mesh.vertices
-    largest = np.float32(min(np.abs(points).max(), np.finfo(np.float32).max))
-    step, size = float(np.spacing(largest)), float(np.median(np.ptp(points, axis=0)))
-    if step > COARSEST * size > 0.0 and (points == np.float32(points)).all():
-        given = f"coordinates in single precision up to {largest:.3g}, in steps of {step:.2g}"
-        rule = f"steps are at most {COARSEST:.1%} of the mesh"
-        raise InvalidInput(given, rule, "export it about a local origin")

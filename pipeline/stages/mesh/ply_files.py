@@ -100,6 +100,15 @@ def of_ply(file: BinaryIO) -> trimesh.Trimesh:
     file.seek(0)
     read = trimesh.load(file, file_type="ply", force="mesh", process=False)
     if isinstance(read, trimesh.Trimesh):
+        held = read.metadata["_ply_raw"]["vertex"]["data"]
+        if (
+            getattr(read.visual, "kind", None) == "texture" and {*_COLOURS} <= held.keys()
+        ):  # which trimesh leaves out
+            colours = np.hstack([held[name] for name in _COLOURS])
+            if len(colours) == len(read.vertices):
+                return trimesh.Trimesh(
+                    read.vertices, read.faces, vertex_colors=colours, process=False
+                )
         return read
     return trimesh.Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=int))
 

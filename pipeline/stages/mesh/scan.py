@@ -17,6 +17,7 @@ from pipeline.workflow.stage import Product, Work
 from pipeline.workflow.writers import text
 from vsr_core.scan import cuts
 from vsr_core.scan.preparation import Miscut, Prepared, prepare_scan
+from vsr_core.scan.separation import SEAM_MOVED
 from vsr_core.scan.weighing import Refused
 
 
@@ -37,8 +38,11 @@ def _summary(prepared: Prepared, rock: RockConfig, pedestal: PedestalConfig) -> 
     solid = prepared.steps[-1].after
     how = "cut as given" if pedestal.cut not in (None, "proposal") else "cut along the hollow"
     length = sum(seam.length for seam in prepared.separation.seams)
+    moved = "".join(
+        f", {note}" for note in prepared.separation.notes if note.startswith(SEAM_MOVED)
+    )
     return (
-        f"{how}, {length:.2f} m long; rock of {solid.volume:.4g} m3 closed by "
+        f"{how}, {length:.2f} m long{moved}; rock of {solid.volume:.4g} m3 closed by "
         f"{rock.closing}; ground of {len(prepared.terrain.faces)} faces; contact: "
         f"{prepared.contact.told}"
     )

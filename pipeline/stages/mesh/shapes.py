@@ -36,7 +36,7 @@ class Shape:
     Raises
     ------
     InvalidInput
-        If a face is of a vertex that is not there.
+        If a face is of a vertex that is not there, or colours are not as many as vertices.
     """
 
     points: Array
@@ -47,6 +47,9 @@ class Shape:
         if self.faces.size and self.faces.max() >= len(self.points):
             given = f"a face of vertex {self.faces.max()}, of {len(self.points)}"
             raise InvalidInput(given, "faces are made of their shape's vertices", "export it again")
+        if self.colours is not None and len(self.colours) != len(self.points):
+            given = f"{len(self.colours)} colours of {len(self.points)} vertices"
+            raise InvalidInput(given, "each has one", "export it again")
 
 
 def joined(
@@ -82,5 +85,30 @@ def joined(
     whole = trimesh.Trimesh(
         *mesh, vertex_colors=None if shades is None else shades.astype(np.uint8), process=False
     )
+    for one, matrix in parts:
+        require_fine(step(one.points) * float(np.linalg.norm(matrix[:3, :3], 2)), whole)
     whole.units = unit
     return whole
+
+
+def step(points: Array) -> float:
+    """Step between neighbouring numbers, if single precision has made it; else 0."""
+    if not len(points) or not (points == np.float32(points)).all():
+        return 0.0
+    return float(np.spacing(np.float32(min(np.abs(points).max(), np.finfo(np.float32).max))))
+
+
+def require_fine(step: float, mesh: trimesh.Trimesh) -> None:
+    """Refuse coordinates in coarse steps, as those of a map in single precision.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if not len(mesh.faces):
+        return
+    size = float(np.median(np.ptp(mesh.vertices, axis=0)))
+    if step > COARSEST * size > 0.0:
+        given = f"coordinates in single precision, in steps of {step:.2g} of {size:.3g}"
+        rule = f"steps are at most {COARSEST:.1%} of the mesh"
+        raise InvalidInput(given, rule, "export it about a local origin")

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from pipeline.config.layers import load_table
@@ -24,6 +24,7 @@ from pipeline.stages.boundary.boundary import BoundaryData
 from pipeline.stages.mesh.products import Standing
 from pipeline.workflow import graph, writers
 from pipeline.workflow.datasets import described, label, netcdf
+from pipeline.workflow.grammar import counted
 from pipeline.workflow.graph import Identity
 from pipeline.workflow.log import complain
 from pipeline.workflow.registry import BY_NAME
@@ -72,6 +73,8 @@ def make(job: Job, name: str, export: Path | None) -> list[str]:
     table = {"table": config.model_dump(mode="json"), "motion": motion.model_dump(mode="json")}
     identity = Identity({"config": table, "code": {}, "inputs": {}, "versions": {}, "needs": above})
     work = graph.work_of("feasible", identity.key, job)
+    number = len(motion.pga) * len(motion.pgv_pga)
+    work.log(f"feasible: {counted(number, 'motion')} of {label}")
     dataset = _dataset(motion, config.table(), rock.mass)
     dataset.attrs |= {"table": label, "unchecked": ", ".join(config.unstated)}
     dataset = described(dataset, work, f"What {label} can do")
@@ -233,17 +236,15 @@ def _cells(axes: Axes, feasible: xr.Dataset) -> None:
         style.cell_edges(feasible["pga"].values),
         style.cell_edges(feasible["pgv_pga"].values),
     )
-    can = feasible["feasible"].values
-    for gid, kind, colour, hatch in (("can", 1, CAN, ""), ("outside", 0, CANNOT, "////")):
+    end = pga[feasible["feasible"].values.sum(axis=1)]  # what a table can do, it can do less, too
+    parts = (("can", pga[0], end, CAN, ""), ("outside", end, pga[-1], CANNOT, "////"))
+    for gid, first, last, colour, hatch in parts:
+        left, right = np.broadcast_arrays(first, last, end)[:2]
+        corners = [(left, ratio[:-1]), (left, ratio[1:]), (right, ratio[1:]), (right, ratio[:-1])]
+        rows = np.stack([np.stack(corner, axis=-1) for corner in corners], axis=1)[left < right]
         with mpl.rc_context({"hatch.linewidth": 0.5, "hatch.color": FAINTER}):
-            axes.pcolor(
-                pga,
-                ratio,
-                np.ma.masked_not_equal(can, kind),
-                cmap=ListedColormap([colour]),
-                hatch=hatch,
-                linewidth=0.0,
-                gid=gid,
+            axes.add_collection(
+                PolyCollection(list(rows), facecolor=colour, hatch=hatch, linewidth=0.0, gid=gid)
             )
     axes.fill([], [], facecolor=CAN, edgecolor="#8fb392", label="the table can do it")
     beyond: dict[str, Any] = {"facecolor": CANNOT, "edgecolor": FAINTER, "hatch": "////"}

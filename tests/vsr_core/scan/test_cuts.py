@@ -1,0 +1,53 @@
+"""A user's cut lies where it is told, however long the edges are that it crosses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+
+from vsr_core.scan.cuts import Box, Plane, Polygon, split
+
+CUBE = trimesh.creation.box((2.0, 2.0, 2.0))
+
+
+def area(cut: Plane | Box | Polygon, mesh: trimesh.Trimesh = CUBE) -> float:
+    """Of the rock; rock and ground together are the surface as it was, without gaps."""
+    vertices, faces, rock = split(mesh, cut)
+    whole = trimesh.Trimesh(vertices, faces, process=False)
+    assert whole.is_watertight
+    assert (whole.area, whole.volume) == pytest.approx((mesh.area, mesh.volume))
+    return float(whole.area_faces[rock].sum())
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "exact"),
+    [
+        ((-9.0, -9.0, 0.3), (9.0, 9.0, 9.0), 4.0 + 4.0 * 2.0 * 0.7),
+        ((-1.1, -1.1, 0.3), (1.1, 1.1, 1.1), 4.0 + 4.0 * 2.0 * 0.7),
+        ((-0.5, -0.4, 0.0), (0.5, 0.4, 9.0), 0.8),
+        ((0.5, 0.5, 0.5), (9.0, 9.0, 9.0), 3.0 * 0.25),
+        ((-0.1, -9.0, -9.0), (0.1, 9.0, 9.0), 0.2 * 8.0),
+    ],
+)
+def test_a_box_cuts_where_its_sides_are(
+    low: tuple[float, float, float], high: tuple[float, float, float], exact: float
+) -> None:
+    """Faces of a cube, whose edges are as long as its sides."""
+    assert area(Box(low, high)) == pytest.approx(exact)
+
+
+def test_a_box_is_the_plane_that_alone_cuts() -> None:
+    one, other = area(Box((-5.0, -5.0, 0.1), (5.0, 5.0, 5.0))), area(Plane((0, 0, 0.1), (0, 0, 2)))
+    assert one == pytest.approx(other, rel=1e-12)
+
+
+def test_a_prism_cuts_edges_where_its_walls_are() -> None:
+    corners = ((-0.7, -0.6), (0.8, -0.5), (0.6, 0.7), (-0.5, 0.6))
+    mesh = CUBE.subdivide()
+    vertices, _, _ = split(mesh, Polygon(corners))
+    new = shapely.points(vertices[len(mesh.vertices) :, :2])
+    assert len(new) > 10
+    assert shapely.distance(shapely.Polygon(corners).exterior, new).max() < 1e-9
+    assert np.ptp(vertices[len(mesh.vertices) :, 2]) == pytest.approx(2.0)
