@@ -187,6 +187,18 @@ def _outlines(hull: Hull) -> tuple[Indices, list[_Outline]]:
     ]
 
 
+def _border(hull: Hull, outlines: list[_Outline], group: int) -> _Outline:
+    """Outline of a base that is flat but for rounding: the edges at which other faces begin.
+
+    Of its facets some are merged to faces that are not convex, on which a rock would go round.
+    """
+    face = _outlines(hull)[0]
+    own = [outlines[number] for number in np.unique(face[hull.face == group])]
+    room, outward, neighbour = (np.concatenate(part) for part in zip(*own, strict=True))
+    outer = hull.face[neighbour] != group
+    return _Outline(room[outer], outward[outer], neighbour[outer])
+
+
 def _tip(hull: Hull, facet: int, toward: Array) -> tuple[float, float]:
     """Uplift and overturning acceleration [g] toward one horizontal direction.
 
@@ -197,8 +209,10 @@ def _tip(hull: Hull, facet: int, toward: Array) -> tuple[float, float]:
     start, down = facet, hull.normals[facet]
     needed, uplift, more = 0.0, np.inf, _ROUNDING
     seen: set[int] = set()  # at this push
+    gone = {facet}  # since it last went on
     while True:
         seen.add(face[facet])
+        gone.add(facet)
         height, outline = hull.offsets[facet], outlines[face[facet]]
         slope = height * matrix_product(outline.outward, toward[:, None])[:, 0]
         closed = np.array([face[other] in seen for other in outline.neighbour])
@@ -209,8 +223,17 @@ def _tip(hull: Hull, facet: int, toward: Array) -> tuple[float, float]:
             np.divide(outline.room, slope, out=reach, where=slope > _ROUNDING * height)
             reach[closed] = np.maximum(reach[closed], needed + more)
             edge = int(np.argmin(reach))
-            if reach[edge] == needed + more:
+            goes_round = reach[edge] == needed + more
+            if goes_round and len({*hull.face[[*gone]]}) == 1:  # and so on one that is flat
+                outline = _border(hull, outlines, hull.face[facet])
+                slope = height * matrix_product(outline.outward, toward[:, None])[:, 0]
+                reach = np.full(len(slope), np.inf)
+                np.divide(outline.room, slope, out=reach, where=slope > _ROUNDING * height)
+                edge = int(np.argmin(reach))
+            elif goes_round:
                 more *= 2.0  # so that it ends
+            else:
+                gone.clear()
             if reach[edge] > needed:
                 needed = float(reach[edge])
                 seen.clear()

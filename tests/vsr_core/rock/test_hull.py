@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, reject, settings
+from hypothesis import example, given, reject, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
@@ -106,6 +106,8 @@ def test_tipping_does_not_know_the_size(seed: int, scale: float) -> None:
 
 @pytest.mark.parametrize("noise", slow_but([1e-12], [0.0, 1e-12, 1e-9]))
 @given(st.integers(0, 10**6), HALF, HALF, HALF)
+@example(376459, 0.5, 0.0546875, 4.5)  # facets of the base merged to a face that is not convex
+@example(639577, 0.21608583988690133, 0.2732651065819341, 4.055313125175025)
 @settings(max_examples=30, deadline=None, derandomize=True)
 def test_points_in_the_base_and_its_edges_do_not_matter(
     noise: float, seed: int, bx: float, by: float, h: float
