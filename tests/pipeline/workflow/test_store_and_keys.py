@@ -206,6 +206,18 @@ def test_stages_of_crashed_runs_are_forgotten(shelf: Store) -> None:
     assert kept == ["rock", "motions"]
 
 
+def test_a_warning_of_a_stage_is_shown_by_a_quiet_command(
+    write_site: Callable[..., str], vsr: Callable[..., Ran], derived: Path
+) -> None:
+    command = ("run", "rock", "--site", write_site(SMALL), "--workers", "0", "--quiet")
+    assert vsr(*command).err == ""
+    manifest = derived / "rock" / ".stages" / "rock.json"
+    facts = read_manifest(manifest)
+    assert facts is not None
+    manifest.write_text(manifest_text(facts | {"warning": "mind this"}))
+    assert vsr(*command).err.splitlines() == [f"vsr: warning: {derived / 'rock'}: mind this"]
+
+
 @pytest.mark.slow
 def test_what_was_made_from_crashed_runs_is_made_again(
     write_site: Callable[..., str], vsr: Callable[..., Ran], derived: Path

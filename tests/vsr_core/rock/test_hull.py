@@ -381,6 +381,11 @@ def test_base_polygon_runs_counter_clockwise() -> None:
     after = np.roll(polygon, -1, axis=0)
     area = 0.5 * np.sum(polygon[:, 0] * after[:, 1] - polygon[:, 1] * after[:, 0])
     assert area == pytest.approx(0.8 * 1.4)
+    feet = np.array(
+        [[0.4, 0.0, -1.3], [-0.2, 0.3, -1.3], [-0.2, -0.3, -1.3], [0.9, 0.9, -1.3 + 5e-6]]
+    )
+    assert len(base_polygon(feet, 1e-6)) == 3
+    assert len(base_polygon(feet, 1e-5)) == 4
 
 
 @pytest.mark.parametrize(

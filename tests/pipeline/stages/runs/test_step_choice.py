@@ -106,12 +106,24 @@ def test_a_friction_more_keeps_what_was_measured_on_a_seat() -> None:
         config.scene, Standing(rock, barrier(rock)), Ground(grounds.level(), tuple(rests))
     )
     (place, *_), *_ = time_step.lots(rock)
+    rows = [step_choice._rows_of(both, step_choice.Wanted(at, place)) for at in (0, 1)]
+    assert [row.group.friction for row in rows] == [0.6, 0.7]
     keys = step_choice._keys(both, [step_choice.Wanted(at, place) for at in (0, 1)])
     alone = alone_at(both, 1)
     own = step_choice._keys(alone, [step_choice.Wanted(0, place)])
     assert list(own.values()) == [keys[step_choice.Wanted(1, place)]]
     flat = step_choice._keys(replace(alone, ground=None), [step_choice.Wanted(0, place)])
     assert list(flat.values()) != list(own.values())
+
+
+def test_a_reference_is_told_in_g() -> None:
+    rock = solid.box((0.5, 1.0, 2.0), 2000.0).rock
+    scenes = Scenes(load_site("cuboid_1x1x2").config.scene, Standing(rock, barrier(rock)))
+    (place, *_), *_ = time_step.lots(rock)
+    shares = np.zeros(len(step_choice._shares(scenes)))
+    row = time_step.Row(0.3, 0.5 * GRAVITY, True, shares, shares, shares)
+    told = step_choice._dataset(scenes, [{place: row}])
+    assert told["row_reference"].values == pytest.approx(0.5)
 
 
 @pytest.mark.slow
