@@ -64,7 +64,7 @@ def joined(
     Raises
     ------
     InvalidInput
-        If they are too many, or far more faces than are stored.
+        If there are none, too many, or far more faces than are stored, or they are too coarse.
     """
     import trimesh
 
@@ -75,6 +75,8 @@ def joined(
         rule = f"they are at most {MOST_SHAPES:,}, of {MOST_REPEATED:,} faces more than that"
         raise InvalidInput(given, rule, "export the rock alone")
     parts = [(one, matrix) for name, matrix in placed for one in shapes[name]]
+    if not parts:
+        raise InvalidInput("a file without faces", "a mesh has some", "export the rock's surface")
     found = [
         trimesh.Trimesh(one.points, one.faces, process=False).apply_transform(matrix)
         for one, matrix in parts
@@ -85,8 +87,10 @@ def joined(
     whole = trimesh.Trimesh(
         *mesh, vertex_colors=None if shades is None else shades.astype(np.uint8), process=False
     )
-    for one, matrix in parts:
-        require_fine(step(one.points) * float(np.linalg.norm(matrix[:3, :3], 2)), whole)
+    scales = [float(np.linalg.norm(matrix[:3, :3], 2)) for _, matrix in parts]
+    require_fine(
+        max(step(one.points) * by for (one, _), by in zip(parts, scales, strict=True)), whole
+    )
     whole.units = unit
     return whole
 

@@ -503,6 +503,16 @@ def test_guiding_lines_beside_a_rock_are_left_out(tmp_path: Path) -> None:
     assert mesh_files.read(tmp_path / "rock.dae").volume == pytest.approx(ball().volume, rel=1e-5)
 
 
+def test_a_scene_of_lines_alone_is_refused(tmp_path: Path) -> None:
+    def lines(scene: dict[str, Any]) -> dict[str, Any]:
+        scene["meshes"][0]["primitives"][0]["mode"] = 1
+        return scene
+
+    glb(tmp_path / "rock.glb", lines)
+    with pytest.raises(InvalidInput, match="a file without faces"):
+        mesh_files.read(tmp_path / "rock.glb")
+
+
 def test_lengths_of_lists_may_be_written_with_a_point(tmp_path: Path) -> None:
     text = ply("ascii").replace(b"list uchar int", b"list float int").replace(b"\n3 ", b"\n3.0 ")
     (tmp_path / "rock.ply").write_bytes(text)
