@@ -118,8 +118,11 @@ def test_barrier_is_a_tight_lower_bound(seed: int) -> None:
 def test_floors_lie_below_every_pose(seed: int) -> None:
     rock = solid.from_mesh(random_mesh(seed), 2000.0).rock
     limits = barrier(rock)
-    down = np.random.default_rng(seed).standard_normal((40_000, 3))
+    rng = np.random.default_rng(seed)
+    down = rng.standard_normal((40_000, 3))
     down /= np.linalg.norm(down, axis=1, keepdims=True)
+    beside = down[support(rock, down).argmin()] + 0.01 * rng.standard_normal((4_000, 3))
+    down = np.vstack([down, beside / np.linalg.norm(beside, axis=1, keepdims=True)])
     height = support(rock, down)
     upright = np.arccos(-down[:, 2]) <= limits.edge_tilt
     assert limits.floor <= height.min() + 1e-12
