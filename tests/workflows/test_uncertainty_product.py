@@ -175,7 +175,7 @@ def test_a_gain_moves_the_boundary_of_housner(
 ) -> None:
     """A block that rocks about an edge and knows its pulse but for a gain, with all cells run."""
     monkeypatch.setattr(ensemble, "CHECKED", 1.0)
-    monkeypatch.setattr(ensemble, "FOLLOWED", 1.0)
+    monkeypatch.setattr(ensemble, "followed_share", lambda levels: 1.0)
     ran = vsr(
         "run", "uncertainty", "--site", write_site(SITE), *priors(amplitude="{mean: 1, sd: 0.1}")
     )
@@ -205,6 +205,7 @@ def test_a_gain_moves_the_boundary_of_housner(
     islands = (inferred != (found["overturned"].values == 1)) & ~proved
     assert found["inferred_wrong"].values.sum() == islands.sum()
     assert islands.mean() < 0.02
+    assert (" not the first; all lie " in ran.err) == (found["levels_not_first"].values.sum() > 0)
     ends = [found[f"member_boundary_{end}"].values for end in ("lower", "upper")]
     assert found["levels_followed"].values.sum() == np.isfinite(ends).all(axis=0).sum()
 
@@ -220,7 +221,7 @@ def test_what_the_rule_spares_is_counted_where_it_is_wrong(
     given = priors(friction="[0.3, 0.9]", restitution="[0, 0.2]", centre_of_mass="0.02")
     site = write_site(SITE)
     monkeypatch.setattr(ensemble, "CHECKED", 0.0)
-    monkeypatch.setattr(ensemble, "FOLLOWED", 0.0)
+    monkeypatch.setattr(ensemble, "followed_share", lambda levels: 0.0)
     few = product(vsr("run", "uncertainty", "--site", site, *given), derived)
     assert few["inferred_tested"].values.sum() == 0
     monkeypatch.setattr(ensemble, "CHECKED", 1.0)

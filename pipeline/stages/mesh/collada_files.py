@@ -43,7 +43,13 @@ _DEFORMS = {"skew", "instance_controller"}
 _OFF_ONE = 1e-4
 """Rounding of the length of an axis."""
 
-_LENGTHS = {"millimeter": 1e-3, "centimeter": 1e-2, "meter": 1.0, "inch": 0.0254, "foot": 0.3048}
+_LENGTHS = {
+    **dict.fromkeys(("millimeter", "millimetre", "mm"), 1e-3),
+    **dict.fromkeys(("centimeter", "centimetre", "cm"), 1e-2),
+    **dict.fromkeys(("meter", "metre", "m"), 1.0),
+    **dict.fromkeys(("inch", "inches", "in"), 0.0254),
+    **dict.fromkeys(("foot", "feet", "ft"), 0.3048),
+}
 
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 

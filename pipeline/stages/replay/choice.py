@@ -156,8 +156,11 @@ def _at(name: str, values: Sequence[Any], given: str | None) -> int:
     if not math.isfinite(number):
         rule = f"{_NAMES[name]} is a number: {_listed(name, values)}"
         raise InputError(Problem(_option(name), "", repr(given), rule, "choose one"))
-    place = int(np.argmin(np.abs(np.array(values) - number)))
-    if abs(values[place] - number) > max(AS_PRINTED * abs(values[place]), 1e-9):
+    apart = np.abs(np.array(values) - number)
+    if name == "yaw":  # 270 is -90
+        apart = np.minimum(apart % 360.0, -apart % 360.0)
+    place = int(np.argmin(apart))
+    if apart[place] > max(AS_PRINTED * abs(values[place]), 1e-9):
         rule = f"the grid of the study has {_NAMES[name]} {_listed(name, values)}"
         nearest = f"the nearest is {values[place]:.6g}"
         raise InputError(Problem(_option(name), "", given, rule, nearest))

@@ -33,9 +33,10 @@ boundary of the site as it is, the others from those of all draws before."""
 CHECKED = 0.005
 """Share of the inferred cells that are run all the same."""
 
-FOLLOWED = 0.01
-"""Share of the levels that are followed below their bracket, to see whether it is first: at all
-cells, and at PGAs each lower than the one before by the width of a bracket, down to `REACH`."""
+FOLLOWED, FEWEST_FOLLOWED = 0.01, 100
+"""Share and least number of the levels that are followed below their bracket, to see whether it is
+first: at all cells, and at PGAs each lower than the one before by the width of a bracket, down to
+`REACH`."""
 
 REACH = 0.25
 """How far below a bracket [ln g]."""
@@ -120,6 +121,15 @@ def _together(parts: list[Ensemble]) -> Ensemble:
     }
     values |= {name: sum(getattr(part, name) for part in parts) for name in (*COUNTED, "crashed")}
     return Ensemble(**values, non_monotonic=parts[0].non_monotonic)
+
+
+def followed_share(levels: int) -> float:
+    """Share of so many levels that are followed.
+
+    >>> followed_share(50), followed_share(1000), followed_share(10**6)
+    (1.0, 0.1, 0.01)
+    """
+    return min(max(FOLLOWED, FEWEST_FOLLOWED / levels), 1.0)
 
 
 class Errors:
@@ -215,7 +225,8 @@ def _cells(
     table[proved] = 0
     chance = [np.random.default_rng(draw.member.seed) for draw in runner.draws]
     checked = ~proved & (np.array([one.random(table.shape[1:]) for one in chance]) < CHECKED)
-    followed = np.array([one.random(table.shape[1:3]) for one in chance]) < FOLLOWED
+    share = followed_share(len(wanted.draws) * wanted.boundary.size)
+    followed = np.array([one.random(table.shape[1:3]) for one in chance]) < share
     followed &= np.isfinite(lower) & np.isfinite(upper)
     below = ~proved & followed[..., None] & (pga <= lower[..., None])
     asked, taken = np.nonzero(checked | below), table.copy()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Annotated, Any
 
@@ -31,7 +32,7 @@ from pipeline.stages.uncertainty.draws import Draw, EnsembleData, Observed, Repl
 from pipeline.stages.uncertainty.ensemble import Ensemble, outcomes
 from pipeline.workflow import pages, writers
 from pipeline.workflow.datasets import described, netcdf
-from pipeline.workflow.grammar import counted
+from pipeline.workflow.grammar import counted, form
 from pipeline.workflow.stage import Product, Work
 from vsr_core.arrays import Array
 from vsr_core.outcome import FoundBy
@@ -100,6 +101,13 @@ def make(
             "are too narrow"
         )
     found = outcomes(wanted)
+    followed, late = int(found.followed.sum()), int(found.not_first.sum())
+    if late:
+        high = math.expm1(float(found.too_high.sum()) / followed)
+        work.log(
+            f"uncertainty: of {counted(followed, 'bracket')} that were followed {late} "
+            f"{form(late, 'is', 'are')} not the first; all lie {high:.1%} too high in the mean"
+        )
     known = drawing.priors(config)
     if shape.replica:
         apart = f"differ as if each had an error of {1e3 * shape.error:.2g} mm at the base"

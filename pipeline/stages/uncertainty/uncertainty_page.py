@@ -18,7 +18,7 @@ from pipeline.stages.mesh.products import RockData
 from pipeline.stages.uncertainty import unknowns
 from pipeline.stages.uncertainty.draw_step import DrawStep
 from pipeline.stages.uncertainty.draws import Observed
-from pipeline.stages.uncertainty.ensemble import CHECKED, FOLLOWED, REACH
+from pipeline.stages.uncertainty.ensemble import CHECKED, REACH, followed_share
 from pipeline.workflow.datasets import label, open_below, rows_of
 from pipeline.workflow.grammar import listed
 from vsr_core.arrays import Array
@@ -80,7 +80,7 @@ def facts(
         "proved": by[FoundBy.PROVED],
         "inferred": by[FoundBy.INFERRED],
         "checked": CHECKED,
-        "followed": FOLLOWED,
+        "followed": followed_share(found["member_boundary"].size),
         "scanned": 1.0 - math.exp(-REACH),
         "seats": by_seat(found, boundary),
         "observed": observed,

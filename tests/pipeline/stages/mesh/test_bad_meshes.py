@@ -244,6 +244,7 @@ def two_in_collada() -> bytes:
         ),
         (lambda text: of_unit(text, b'name="centimeter" meter="0,01"'), "'centimeter' of 0,01 m"),
         (lambda text: of_unit(text, b'name="centimeter" meter="1"'), "'centimeter' of 1 m"),
+        (lambda text: of_unit(text, b'name="inches" meter="1"'), "'inches' of 1 m"),
         (lambda text: of_unit(text, b'meter="1"/><unit meter="1"'), "there is one"),
         (
             lambda text: re.sub(b"<scene>.*?</scene>", b"", text, flags=re.DOTALL),

@@ -25,7 +25,7 @@ from pipeline.config.layers import load_site
 from pipeline.config.problems import InputError
 from pipeline.stages.motions import motion_grid
 from pipeline.stages.motions.motion_grid import Cell
-from pipeline.stages.replay import replay_page
+from pipeline.stages.replay import choice, replay_page
 from pipeline.stages.replay.choice import chosen, neighbour, other
 from pipeline.stages.replay.film import Played, played
 from pipeline.stages.runs.study import Study
@@ -160,6 +160,12 @@ def test_what_is_refused_is_refused_before_any_work(
     cell = {f"--{name.replace('_', '-')}": value for name, value in CELL.items()}
     given = [part for name in cell.keys() - {*arguments} for part in (name, cell[name])]
     refused("replay", "--site", site, *given, *arguments, words=words)
+
+
+def test_a_direction_is_the_same_a_turn_away() -> None:
+    assert [choice._at("yaw", (-90.0, 90.0), given) for given in ("270", "-90", "450")] == [0, 0, 1]
+    with pytest.raises(InputError, match="the nearest is -90"):
+        choice._at("yaw", (-90.0, 90.0), "268")
 
 
 def test_the_neighbour_is_the_nearest_that_ends_otherwise(
