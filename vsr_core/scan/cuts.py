@@ -7,6 +7,7 @@ on the nearest edges.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -123,6 +124,18 @@ class Polygon:
         away: Array = shapely.distance(polygon.exterior, points)
         return np.where(shapely.contains(polygon, points), away, -away)
 
+    @property
+    def sides(self) -> tuple[Plane | Polygon, ...]:
+        """The walls that it lies between, if it is convex; else the prism itself."""
+        polygon = shapely.geometry.polygon.orient(shapely.Polygon(self.corners))
+        if not polygon.convex_hull.equals(polygon):
+            return (self,)
+        ends = pairwise(polygon.exterior.coords)
+        return tuple(
+            Plane((x, y, 0.0), (y - other_y, other_x - x, 0.0))
+            for (x, y), (other_x, other_y) in ends
+        )
+
     def moved(self, by: Array) -> Polygon:
         """The same polygon elsewhere.
 
@@ -171,7 +184,9 @@ Cut: TypeAlias = Plane | Box | Polygon | Colour
 
 
 def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
-    """Faces split along a cut, by a box along each of its sides.
+    """Faces split along a cut, by a box or a convex prism along each of its sides.
+
+    A vertex within a twentieth of an edge of the cut counts as on it.
 
     Parameters
     ----------
@@ -185,7 +200,7 @@ def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
     """
     cut.inside(mesh)  # refuses what is no cut
     whole, rock = mesh, np.ones(len(mesh.faces), dtype=bool)
-    for side in cut.sides if isinstance(cut, Box) else (cut,):
+    for side in cut.sides if isinstance(cut, Box | Polygon) else (cut,):
         vertices, faces, rock = _split(whole, side, rock)
         whole = trimesh.Trimesh(vertices, faces, process=False)
     return vertices, faces, rock

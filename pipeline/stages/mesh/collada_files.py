@@ -47,8 +47,10 @@ _LENGTHS = {
     **dict.fromkeys(("millimeter", "millimetre", "mm"), 1e-3),
     **dict.fromkeys(("centimeter", "centimetre", "cm"), 1e-2),
     **dict.fromkeys(("meter", "metre", "m"), 1.0),
+    **dict.fromkeys(("kilometer", "kilometre", "km"), 1e3),
     **dict.fromkeys(("inch", "inches", "in"), 0.0254),
     **dict.fromkeys(("foot", "feet", "ft"), 0.3048),
+    **dict.fromkeys(("yard", "yd"), 0.9144),
 }
 
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
@@ -198,7 +200,8 @@ def _shapes(geometry: Element) -> Iterator[Shape]:
     parts = geometry.findall("mesh/*")
     named = _by_id(one for one in parts if one.tag in ("source", "vertices"))
     numbers = cache(partial(_numbers, named))
-    yield from (_shape(part, numbers) for part in parts if part.tag in _SURFACES)
+    found = (_shape(part, numbers) for part in parts if part.tag in _SURFACES)
+    yield from (one for one in found if len(one.faces))
 
 
 def _shape(part: Element, numbers: Callable[[str, str], Array]) -> Shape:
@@ -212,7 +215,7 @@ def _shape(part: Element, numbers: Callable[[str, str], Array]) -> Shape:
     offsets = [_whole(one.get("offset", "")) for one in inputs]
     of = {
         one.get("semantic"): (one.get("source", ""), at)
-        for one, at in zip(inputs, offsets, strict=True)
+        for one, at in reversed([*zip(inputs, offsets, strict=True)])  # of several the first
     }
     if "VERTEX" not in of or min(offsets) < 0:
         raise _other_count(f"{part.tag} which do not say where their vertices stand")

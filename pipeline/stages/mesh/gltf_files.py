@@ -219,7 +219,7 @@ def _shapes(scene: dict[str, Any], mesh: int, data: bytes) -> Iterator[Shape]:
         if shades is not None:
             held = _stored(scene, shades, data, _COLOURS)[:, :3]
             largest = 1.0 if held.dtype.kind == "f" else float(np.iinfo(str(held.dtype)).max)
-            colours = np.clip(held / largest, 0.0, 1.0)
+            colours = held / largest
         yield Shape(points, np.concatenate(faces), colours)
 
 

@@ -100,12 +100,11 @@ def of_ply(file: BinaryIO) -> trimesh.Trimesh:
     file.seek(0)
     read = trimesh.load(file, file_type="ply", force="mesh", process=False)
     if isinstance(read, trimesh.Trimesh):
-        held = read.metadata["_ply_raw"]["vertex"]["data"]
-        if (
-            getattr(read.visual, "kind", None) == "texture" and {*_COLOURS} <= held.keys()
-        ):  # which trimesh leaves out
-            colours = np.hstack([held[name] for name in _COLOURS])
-            if len(colours) == len(read.vertices):
+        held = read.metadata["_ply_raw"]["vertex"]["data"]  # by names; of a binary file one array
+        names = held.dtype.names if isinstance(held, np.ndarray) else held
+        if getattr(read.visual, "kind", None) == "texture" and {*_COLOURS} <= {*names}:
+            colours = np.column_stack([np.ravel(held[name]) for name in _COLOURS])
+            if len(colours) == len(read.vertices):  # which trimesh leaves out
                 return trimesh.Trimesh(
                     read.vertices, read.faces, vertex_colors=colours, process=False
                 )

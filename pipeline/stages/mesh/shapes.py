@@ -20,6 +20,9 @@ COARSEST = 1e-3
 MOST_SHAPES, MOST_REPEATED = 10_000, 1_000_000
 """In a scene, each as often as it is there."""
 
+_OFF = 0.01
+"""Rounding of a colour."""
+
 _Name = TypeVar("_Name", bound=Hashable)
 
 
@@ -36,7 +39,7 @@ class Shape:
     Raises
     ------
     InvalidInput
-        If a face is of a vertex that is not there, or colours are not as many as vertices.
+        If a face is of a vertex that is not there, or colours are not one for each vertex, 0 to 1.
     """
 
     points: Array
@@ -50,6 +53,9 @@ class Shape:
         if self.colours is not None and len(self.colours) != len(self.points):
             given = f"{len(self.colours)} colours of {len(self.points)} vertices"
             raise InvalidInput(given, "each has one", "export it again")
+        if self.colours is not None and not (np.abs(self.colours - 0.5) < 0.5 + _OFF).all():
+            given = f"colours from {self.colours.min():g} to {self.colours.max():g}"
+            raise InvalidInput(given, "they are from 0 to 1", "export it again")
 
 
 def joined(
@@ -83,7 +89,11 @@ def joined(
     ]
     mesh = trimesh.util.append_faces([one.vertices for one in found], [one.faces for one in found])
     colours = [one.colours for one, _ in parts if one.colours is not None]
-    shades = np.rint(255.0 * np.vstack(colours)) if len(colours) == len(parts) > 0 else None
+    shades = (
+        np.rint(255.0 * np.clip(np.vstack(colours), 0.0, 1.0))
+        if len(colours) == len(parts) > 0
+        else None
+    )
     whole = trimesh.Trimesh(
         *mesh, vertex_colors=None if shades is None else shades.astype(np.uint8), process=False
     )

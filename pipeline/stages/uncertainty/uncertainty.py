@@ -102,7 +102,7 @@ def make(
         )
     found = outcomes(wanted)
     followed, late = int(found.followed.sum()), int(found.not_first.sum())
-    if late:
+    if followed:
         high = math.expm1(float(found.too_high.sum()) / followed)
         work.log(
             f"uncertainty: of {counted(followed, 'bracket')} that were followed {late} "

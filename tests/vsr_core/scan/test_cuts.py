@@ -43,8 +43,17 @@ def test_a_box_is_the_plane_that_alone_cuts() -> None:
     assert one == pytest.approx(other, rel=1e-12)
 
 
-def test_a_prism_cuts_edges_where_its_walls_are() -> None:
-    corners = ((-0.7, -0.6), (0.8, -0.5), (0.6, 0.7), (-0.5, 0.6))
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_convex_prism_cuts_where_its_walls_are(turn: int) -> None:
+    """Across a cube, and over one of its corners, in either order."""
+    across = ((-0.5, -9.0), (0.5, -9.0), (0.5, 9.0), (-0.5, 9.0))[::turn]
+    assert area(Polygon(across)) == pytest.approx(8.0)
+    corner = ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))[::turn]
+    assert area(Polygon(corner)) == pytest.approx(2.0 + 2.0 * 2.0)
+
+
+def test_a_prism_that_is_not_convex_cuts_edges_where_its_walls_are() -> None:
+    corners = ((-0.7, -0.6), (0.0, -0.3), (0.8, -0.5), (0.6, 0.7), (-0.5, 0.6))
     mesh = CUBE.subdivide()
     vertices, _, _ = split(mesh, Polygon(corners))
     new = shapely.points(vertices[len(mesh.vertices) :, :2])

@@ -245,6 +245,7 @@ def two_in_collada() -> bytes:
         (lambda text: of_unit(text, b'name="centimeter" meter="0,01"'), "'centimeter' of 0,01 m"),
         (lambda text: of_unit(text, b'name="centimeter" meter="1"'), "'centimeter' of 1 m"),
         (lambda text: of_unit(text, b'name="inches" meter="1"'), "'inches' of 1 m"),
+        (lambda text: of_unit(text, b'name="kilometers" meter="1"'), "'kilometers' of 1 m"),
         (lambda text: of_unit(text, b'meter="1"/><unit meter="1"'), "there is one"),
         (
             lambda text: re.sub(b"<scene>.*?</scene>", b"", text, flags=re.DOTALL),
@@ -744,6 +745,41 @@ def test_colours_of_collada_are_read(tmp_path: Path) -> None:
     upper = read.vertices[:, 2] > 1e-6
     shades = np.unique(read.visual.vertex_colors[upper, :3], axis=0)
     assert shades == pytest.approx(np.array([[255, 102, 51]]), abs=1)
+
+
+def test_colours_of_collada_beyond_their_range_are_refused(tmp_path: Path) -> None:
+    """As those from 0 to 255, which would come round."""
+    mesh = ball()
+    mesh.visual.vertex_colors = np.full((len(mesh.vertices), 3), 255, dtype=np.uint8)
+    whole = export_collada(mesh).decode()
+    name = re.search(r'semantic="COLOR" source="#([^"]*)"', whole)[1]
+    at = whole.index(f'id="{name}"')
+    changed = whole[:at] + re.sub(r"\b1(\.0)?\b(?= )", "255", whole[at:], count=1)
+    assert changed != whole
+    (tmp_path / "rock.dae").write_text(changed)
+    with pytest.raises(InvalidInput, match=r"colours from .* they are from 0 to 1"):
+        mesh_files.read(tmp_path / "rock.dae")
+
+
+@pytest.mark.parametrize("has_colours", [True, False])
+def test_a_binary_ply_beside_a_texture_is_read(tmp_path: Path, has_colours: bool) -> None:
+    kinds = [(name, "<f4") for name in ("x", "y", "z", "s", "t")]
+    kinds += [(name, "u1") for name in ("red", "green", "blue")] * has_colours
+    points = np.zeros(3, dtype=kinds)
+    points["x"], points["y"] = [0, 1, 0], [0, 0, 1]
+    if has_colours:
+        points["red"], points["blue"] = 200, [0, 1, 2]
+    names = "".join(
+        f"property {'uchar' if kind == 'u1' else 'float'} {name}\n" for name, kind in kinds
+    )
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex 3\n{names}element face 1\n"
+    head += "property list uchar int vertex_indices\nend_header\n"
+    face = struct.pack("<B3i", 3, 0, 1, 2)
+    (tmp_path / "rock.ply").write_bytes(head.encode() + points.tobytes() + face)
+    read = mesh_files.read(tmp_path / "rock.ply")
+    assert len(read.faces) == 1
+    if has_colours:
+        assert read.visual.vertex_colors[:, :3].tolist() == [[200, 0, at] for at in range(3)]
 
 
 def test_colours_beside_textures_are_read(tmp_path: Path) -> None:
