@@ -93,12 +93,15 @@ def _parts(file: BinaryIO) -> tuple[dict[str, Any], bytes]:
     """The scene of a file, and the bytes of its buffer (4.4)."""
     head = file.read(20)
     version, whole, length = (int.from_bytes(head[at : at + 4], "little") for at in (4, 8, 12))
-    if (head[:4], head[16:], version) != (b"glTF", b"JSON", _VERSION):
+    if (head[:4], version) != (b"glTF", _VERSION):
         raise InvalidInput(f"a file of glTF {version}", f"it is glTF {_VERSION}", "export it again")
     content = file.read()
     if len(head) + len(content) != whole:
         given = f"{len(head) + len(content):,} bytes of a file of {whole:,}"
         raise InvalidInput(given, "it is whole", "export it again")
+    if head[16:] != b"JSON":
+        given = f"a glTF file whose first part is {head[16:].decode('latin-1')!r}"
+        raise InvalidInput(given, "it is 'JSON'", "export it again")
     return of_json(content[:length]), content[length + 8 :]
 
 

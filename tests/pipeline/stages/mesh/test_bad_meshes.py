@@ -1016,6 +1016,9 @@ def test_gltf_of_another_version_is_refused(tmp_path: Path) -> None:
     (tmp_path / "rock.glb").write_bytes(content[:4] + b"\x01" + content[5:])
     with pytest.raises(InvalidInput, match="a file of glTF 1; it is glTF 2"):
         mesh_files.read(tmp_path / "rock.glb")
+    (tmp_path / "rock.glb").write_bytes(content[:16] + b"TEXT" + content[20:])
+    with pytest.raises(InvalidInput, match="whose first part is 'TEXT'; it is 'JSON'"):
+        mesh_files.read(tmp_path / "rock.glb")
 
 
 def test_coordinates_that_are_not_in_the_file_are_refused(tmp_path: Path) -> None:
