@@ -187,12 +187,12 @@ def _outlines(hull: Hull) -> tuple[Indices, list[_Outline]]:
     ]
 
 
-def _border(hull: Hull, outlines: list[_Outline], group: int) -> _Outline:
+def _border(hull: Hull, group: int) -> _Outline:
     """Outline of a base that is flat but for rounding: the edges at which other faces begin.
 
     Of its facets some are merged to faces that are not convex, on which a rock would go round.
     """
-    face = _outlines(hull)[0]
+    face, outlines = _outlines(hull)
     own = [outlines[number] for number in np.unique(face[hull.face == group])]
     room, outward, neighbour = (np.concatenate(part) for part in zip(*own, strict=True))
     outer = hull.face[neighbour] != group
@@ -225,7 +225,7 @@ def _tip(hull: Hull, facet: int, toward: Array) -> tuple[float, float]:
             edge = int(np.argmin(reach))
             goes_round = reach[edge] == needed + more
             if goes_round and len({*hull.face[[*gone]]}) == 1:  # and so on one that is flat
-                outline = _border(hull, outlines, hull.face[facet])
+                outline = _border(hull, hull.face[facet])
                 slope = height * matrix_product(outline.outward, toward[:, None])[:, 0]
                 reach = np.full(len(slope), np.inf)
                 np.divide(outline.room, slope, out=reach, where=slope > _ROUNDING * height)

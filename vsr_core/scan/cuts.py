@@ -83,11 +83,8 @@ class Box:
         """The planes that it lies between."""
         from_low: tuple[Point, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
         from_high: tuple[Point, ...] = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
-        low, high = (
-            (Plane(self.low, one) for one in from_low),
-            (Plane(self.high, one) for one in from_high),
-        )
-        return (*low, *high)
+        low = [Plane(self.low, normal) for normal in from_low]
+        return (*low, *(Plane(self.high, normal) for normal in from_high))
 
     def moved(self, by: Array) -> Box:
         """The same box elsewhere.

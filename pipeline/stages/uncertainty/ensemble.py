@@ -33,7 +33,7 @@ boundary of the site as it is, the others from those of all draws before."""
 CHECKED = 0.005
 """Share of the inferred cells that are run all the same."""
 
-FOLLOWED, FEWEST_FOLLOWED = 0.01, 100
+FOLLOWED, FEWEST_FOLLOWED = 0.01, 32
 """Share and least number of the levels that are followed below their bracket, to see whether it is
 first: at all cells, and at PGAs each lower than the one before by the width of a bracket, down to
 `REACH`."""
@@ -127,7 +127,7 @@ def followed_share(levels: int) -> float:
     """Share of so many levels that are followed.
 
     >>> followed_share(50), followed_share(1000), followed_share(10**6)
-    (1.0, 0.1, 0.01)
+    (0.64, 0.032, 0.01)
     """
     return min(max(FOLLOWED, FEWEST_FOLLOWED / levels), 1.0)
 
