@@ -187,6 +187,17 @@ def _outlines(hull: Hull) -> tuple[Indices, list[_Outline]]:
     ]
 
 
+def _slope(outline: _Outline, height: float, toward: Array) -> Array:
+    """How far each edge comes nearer by a push of 1 g [m]."""
+    return height * matrix_product(outline.outward, toward[:, None])[:, 0]
+
+
+def _reach(outline: _Outline, slope: Array, height: float) -> Array:
+    """Push at which the resultant comes to each edge [g], infinite where it never does."""
+    reach = np.full(len(slope), np.inf)
+    return np.divide(outline.room, slope, out=reach, where=slope > _ROUNDING * height)
+
+
 def _border(hull: Hull, group: int) -> _Outline:
     """Outline of a base that is flat but for rounding: the edges at which other faces begin.
 
@@ -214,21 +225,18 @@ def _tip(hull: Hull, facet: int, toward: Array) -> tuple[float, float]:
         seen.add(face[facet])
         gone.add(facet)
         height, outline = hull.offsets[facet], outlines[face[facet]]
-        slope = height * matrix_product(outline.outward, toward[:, None])[:, 0]
+        slope = _slope(outline, height, toward)
         closed = np.array([face[other] in seen for other in outline.neighbour])
         room = np.where(closed, np.inf, outline.room - needed * slope)
         edge = int(np.argmin(room))
         if room[edge] >= -_ROUNDING * height:
-            reach = np.full(len(slope), np.inf)
-            np.divide(outline.room, slope, out=reach, where=slope > _ROUNDING * height)
+            reach = _reach(outline, slope, height)
             reach[closed] = np.maximum(reach[closed], needed + more)
             edge = int(np.argmin(reach))
             goes_round = reach[edge] == needed + more
             if goes_round and len({*hull.face[[*gone]]}) == 1:  # and so on one that is flat
                 outline = _border(hull, hull.face[facet])
-                slope = height * matrix_product(outline.outward, toward[:, None])[:, 0]
-                reach = np.full(len(slope), np.inf)
-                np.divide(outline.room, slope, out=reach, where=slope > _ROUNDING * height)
+                reach = _reach(outline, _slope(outline, height, toward), height)
                 edge = int(np.argmin(reach))
             elif goes_round:
                 more *= 2.0  # so that it ends

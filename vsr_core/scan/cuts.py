@@ -196,8 +196,10 @@ def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
     rock : ndarray of bool, shape (m,), on the rock's side
     """
     cut.inside(mesh)  # refuses what is no cut
-    whole, rock = mesh, np.ones(len(mesh.faces), dtype=bool)
-    for side in cut.sides if isinstance(cut, Box | Polygon) else (cut,):
+    sides = cut.sides if isinstance(cut, Box | Polygon) else (cut,)
+    whole, reaches = mesh, [side.inside(mesh)[mesh.faces].max(axis=1) > 0.0 for side in sides]
+    rock = np.all(reaches, axis=0)
+    for side in sides:
         vertices, faces, rock = _split(whole, side, rock)
         whole = trimesh.Trimesh(vertices, faces, process=False)
     return vertices, faces, rock

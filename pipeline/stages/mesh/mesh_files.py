@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from pipeline.config.outside import check_regular
 from pipeline.stages.mesh import collada_files, gltf_files, ply_files, text_meshes
-from pipeline.stages.mesh.shapes import require_fine, step
+from pipeline.stages.mesh.shapes import require_fine, require_vertices, step
 from vsr_core.errors import InvalidInput, reason
 
 if TYPE_CHECKING:
@@ -86,9 +86,4 @@ def _require_faces_of_vertices(mesh: trimesh.Trimesh) -> None:
             "a mesh is triangles in space",
             "export it again",
         )
-    if len(faces) and not 0 <= faces.min() <= faces.max() < len(vertices):
-        raise InvalidInput(
-            f"faces of vertices {faces.min()} to {faces.max()}, of {len(vertices)}",
-            "faces are made of the file's vertices",
-            "export it again",
-        )
+    require_vertices(faces, len(vertices))

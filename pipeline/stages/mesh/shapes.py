@@ -47,15 +47,25 @@ class Shape:
     colours: Array | None = None
 
     def __post_init__(self) -> None:
-        if self.faces.size and self.faces.max() >= len(self.points):
-            given = f"a face of vertex {self.faces.max()}, of {len(self.points)}"
-            raise InvalidInput(given, "faces are made of their shape's vertices", "export it again")
+        require_vertices(self.faces, len(self.points))
         if self.colours is not None and len(self.colours) != len(self.points):
             given = f"{len(self.colours)} colours of {len(self.points)} vertices"
             raise InvalidInput(given, "each has one", "export it again")
         if self.colours is not None and not (np.abs(self.colours - 0.5) < 0.5 + _OFF).all():
             given = f"colours from {self.colours.min():g} to {self.colours.max():g}"
             raise InvalidInput(given, "they are from 0 to 1", "export it again")
+
+
+def require_vertices(faces: Indices, number: int) -> None:
+    """Refuse faces of vertices that are not among so many.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if faces.size and not 0 <= faces.min() <= faces.max() < number:
+        given = f"faces of vertices {faces.min()} to {faces.max()}, of {number}"
+        raise InvalidInput(given, "faces are made of the file's vertices", "export it again")
 
 
 def joined(
