@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from vsr_core.arrays import Array, Indices, matrix_product
+from vsr_core.arrays import Array, Indices, Mask, matrix_product
 from vsr_core.errors import InvalidInput
 from vsr_core.rock.body import Hull
 
@@ -71,17 +70,17 @@ def settle(hull: Hull, largest: float = MAX_SETTLING_TURN) -> tuple[Array, float
     InvalidInput
         If the rock turns by more than ``largest`` [rad]: it does not stand as given.
     """
-    given = np.array([0.0, 0.0, -1.0])
-    facet = int(np.argmin(hull.normals[:, 2]))
-    face, outlines = _outlines(hull)
-    for _ in range(len(outlines)):
-        outline = outlines[face[facet]]
-        edge = int(np.argmin(outline.room))
-        if outline.room[edge] >= -_OVERHANG * hull.offsets[facet]:
+    faces = _faces(hull)
+    face = int(np.argmin(faces.normals[:, 2]))
+    came = hull.vertices[hull.facets[faces.facet[face]]].mean(axis=0)
+    for _ in faces.facet:
+        overhung = _overhung(faces, face)
+        if not overhung.any():
             break
-        facet = int(outline.neighbour[edge])
-    rotation = _rotation(hull.normals[facet], given)
-    turned = float(np.arccos(np.clip(-hull.normals[facet, 2], -1.0, 1.0)))
+        face, came = _crossed(faces, came, faces.offsets[face] * faces.normals[face], overhung)
+    down = faces.normals[face]
+    rotation = _rotation(down, np.array([0.0, 0.0, -1.0]))
+    turned = float(np.arccos(np.clip(-down[2], -1.0, 1.0)))
     if turned > largest:
         raise InvalidInput(
             f"a rock that falls by {np.degrees(turned):.0f} deg before it rests",
@@ -98,11 +97,10 @@ def rest_tilts(hull: Hull) -> Array:
     -------
     ndarray, shape (k,) [rad], ascending; the first is the given pose, 0
     """
-    face, outlines = _outlines(hull)
-    facets = np.unique(face, return_index=True)[1]
-    room = np.array([outline.room.min() for outline in outlines])
-    stable = facets[room >= -_ROUNDING * hull.offsets[facets]]
-    return np.sort(np.arccos(np.clip(-hull.normals[stable, 2], -1.0, 1.0)))
+    faces = _faces(hull)
+    stable = [f for face, f in enumerate(faces.facet) if not _overhung(faces, face).any()]
+    flat = np.unique(hull.face[stable], return_index=True)[1]
+    return np.sort(np.arccos(np.clip(-hull.normals[stable][flat, 2], -1.0, 1.0)))
 
 
 def base_polygon(vertices: Array, tolerance: float) -> Array:
@@ -139,118 +137,94 @@ def tipping(hull: Hull, direction: Array) -> Tipping:
     ----------
     direction : ndarray, shape (k,) [rad], in which the rock tips, counter-clockwise from +x
     """
-    start = int(np.argmin(hull.normals[:, 2]))
     level = np.column_stack([np.cos(direction), np.sin(direction), np.zeros(len(direction))])
-    pairs = [_tip(hull, start, toward) for toward in level]
+    pairs = [_tip(hull, toward) for toward in level]
     uplift, overturning = np.array(pairs).T
     return Tipping(direction, uplift, overturning)
 
 
-class _Outline(NamedTuple):
-    """A face of a hull, seen from the foot of the centre of mass.
+class _Faces(NamedTuple):
+    """Faces of a hull, which lie in different planes, by one facet of each.
 
-    ``room`` is the distance [m] to each edge, negative where the centre overhangs it, ``outward``
-    the edge's normal in the face's plane, ``neighbour`` the facet beyond it, by which its own face
-    is known.
+    Only planes are asked, not which facets are neighbours: where a base is flat but for rounding,
+    Qhull merges facets to some that are not convex.
     """
 
-    room: Array
-    outward: Array
-    neighbour: Indices
+    facet: Indices
+    normals: Array
+    offsets: Array
 
 
 @lru_cache(maxsize=4)
-def _outlines(hull: Hull) -> tuple[Indices, list[_Outline]]:
-    """Number of each facet's face, and outline of every face: of facets whose normals are equal.
-
-    Such a face is convex, as Qhull merges facets until all are; those of ``hull.face`` are not
-    where a base is flat but for rounding.
-    """
-    face = np.unique(hull.normals, axis=0, return_inverse=True)[1].reshape(-1)
-    facet, corner = np.nonzero(face[hull.neighbours] != face[:, None])
-    order = np.argsort(face[facet], kind="stable")  # edges of a face one after the other
-    facet, corner = facet[order], corner[order]
-    first = hull.vertices[hull.facets[facet, (corner + 1) % 3]]
-    second = hull.vertices[hull.facets[facet, (corner + 2) % 3]]
-    outward = np.cross(second - first, hull.normals[facet])
-    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    middle = 0.5 * (first + second)
-    begin = np.searchsorted(face[facet], np.arange(face.max() + 2))
-    edges = np.diff(begin)
-    inside = np.repeat(np.add.reduceat(middle, begin[:-1]) / edges[:, None], edges, axis=0)
-    outward *= np.sign(np.einsum("ij,ij->i", outward, middle - inside))[:, None]
-    room = np.einsum("ij,ij->i", outward, first)
-    beyond = hull.neighbours[facet, corner]
-    return face, [
-        _Outline(room[one:end], outward[one:end], beyond[one:end])
-        for one, end in pairwise(begin.tolist())
-    ]
+def _faces(hull: Hull) -> _Faces:
+    planes = np.column_stack([hull.normals, hull.offsets])
+    facet = np.unique(planes, axis=0, return_index=True)[1]
+    return _Faces(facet, hull.normals[facet], hull.offsets[facet])
 
 
-def _slope(outline: _Outline, height: float, toward: Array) -> Array:
-    """How far each edge comes nearer by a push of 1 g [m]."""
-    return height * matrix_product(outline.outward, toward[:, None])[:, 0]
+def _room(faces: _Faces, point: Array) -> Array:
+    """Distance of a point within the hull to each plane [m], shape (faces,)."""
+    return faces.offsets - matrix_product(faces.normals, point[:, None])[:, 0]
 
 
-def _reach(outline: _Outline, slope: Array, height: float) -> Array:
-    """Push at which the resultant comes to each edge [g], infinite where it never does."""
-    reach = np.full(len(slope), np.inf)
-    return np.divide(outline.room, slope, out=reach, where=slope > _ROUNDING * height)
+def _overhung(faces: _Faces, face: int) -> Mask:
+    """Faces to which the centre of mass overhangs the edge of the one that is down."""
+    foot = faces.offsets[face] * faces.normals[face]
+    aside = np.linalg.norm(np.cross(faces.normals, faces.normals[face]), axis=1)
+    least = np.maximum(_OVERHANG * aside, _ROUNDING) * faces.offsets[face]
+    return np.asarray(_room(faces, foot) < -least)
 
 
-def _border(hull: Hull, group: int) -> _Outline:
-    """Outline of a base that is flat but for rounding: the edges at which other faces begin.
-
-    Of its facets some are merged to faces that are not convex, on which a rock would go round.
-    """
-    face, outlines = _outlines(hull)
-    own = [outlines[number] for number in np.unique(face[hull.face == group])]
-    room, outward, neighbour = (np.concatenate(part) for part in zip(*own, strict=True))
-    outer = hull.face[neighbour] != group
-    return _Outline(room[outer], outward[outer], neighbour[outer])
+def _crossed(faces: _Faces, came: Array, at: Array, beyond: Mask) -> tuple[int, Array]:
+    """Which face, of those that ``at`` lies beyond, is met first from ``came``, and where."""
+    inside = np.maximum(_room(faces, came), 0.0)
+    share = np.full(len(inside), np.inf)
+    np.divide(inside, inside - _room(faces, at), out=share, where=beyond)
+    face = int(np.argmin(share))
+    return face, came + share[face] * (at - came)
 
 
-def _tip(hull: Hull, facet: int, toward: Array) -> tuple[float, float]:
+def _tip(hull: Hull, toward: Array) -> tuple[float, float]:
     """Uplift and overturning acceleration [g] toward one horizontal direction.
 
-    At one push the rock only loses energy and comes back to no face. At a larger one it may: a bump
-    can turn it aside, onto a face from which the push brings it back.
+    The resultant meets the plane of the face that is down. As the push grows, it goes straight
+    towards where it leaves the face; on one that the rock comes to and that does not hold it, it
+    leaves on its way from where it came: where two edges are overhung, a guess, which puts rocks on
+    bumps up to half a degree off. At one push the rock only loses energy and comes back to no face.
+    At a larger one it may: a bump can turn it aside, onto a face from which the push brings it back.
     """
-    face, outlines = _outlines(hull)
-    start, down = facet, hull.normals[facet]
+    faces = _faces(hull)
+    group = hull.face[faces.facet]
+    face = start = int(np.argmin(faces.normals[:, 2]))
+    came = faces.offsets[face] * faces.normals[face]
     needed, uplift, more = 0.0, np.inf, _ROUNDING
-    seen: set[int] = set()  # at this push
-    gone = {facet}  # since it last went on
+    seen = np.zeros(len(group), dtype=bool)  # at this push
     while True:
-        seen.add(face[facet])
-        gone.add(facet)
-        height, outline = hull.offsets[facet], outlines[face[facet]]
-        slope = _slope(outline, height, toward)
-        closed = np.array([face[other] in seen for other in outline.neighbour])
-        room = np.where(closed, np.inf, outline.room - needed * slope)
-        edge = int(np.argmin(room))
-        if room[edge] >= -_ROUNDING * height:
-            reach = _reach(outline, slope, height)
-            reach[closed] = np.maximum(reach[closed], needed + more)
-            edge = int(np.argmin(reach))
-            goes_round = reach[edge] == needed + more
-            if goes_round and len({*hull.face[[*gone]]}) == 1:  # and so on one that is flat
-                outline = _border(hull, hull.face[facet])
-                reach = _reach(outline, _slope(outline, height, toward), height)
-                edge = int(np.argmin(reach))
-            elif goes_round:
+        seen[face] = True
+        down, height = faces.normals[face], faces.offsets[face]
+        at = height * (down + needed * toward)
+        room = _room(faces, at)
+        beyond = ~seen & (room < -_ROUNDING * height)
+        if beyond.any():
+            other, came = _crossed(faces, came, at, beyond)
+        else:
+            slope = height * matrix_product(faces.normals, toward[:, None])[:, 0]
+            reach = np.full(len(room), np.inf)
+            nearer = slope > _ROUNDING * height
+            np.divide(np.maximum(room, 0.0), slope, out=reach, where=nearer)
+            reach[seen] = np.maximum(reach[seen], more)
+            other = int(np.argmin(reach))
+            if reach[other] == more:
                 more *= 2.0  # so that it ends
-            else:
-                gone.clear()
-            if reach[edge] > needed:
-                needed = float(reach[edge])
-                seen.clear()
-        facet = int(outline.neighbour[edge])
-        if hull.face[facet] != hull.face[start]:
+            came = at + reach[other] * height * toward
+            if reach[other] > 0.0:
+                needed += float(reach[other])
+                seen[:] = False
+        if group[other] != group[start]:
             uplift = min(uplift, needed)
-        turn = _rotation(down, hull.normals[facet])
-        down = hull.normals[facet]
-        if np.arccos(np.clip((down * hull.normals[start]).sum(), -1.0, 1.0)) > TOPPLED_TILT:
+        turn = _rotation(down, faces.normals[other])
+        face, down = other, faces.normals[other]
+        if np.arccos(np.clip((down * faces.normals[start]).sum(), -1.0, 1.0)) > TOPPLED_TILT:
             return uplift, needed
         toward = matrix_product(turn, toward[:, None])[:, 0]
 
