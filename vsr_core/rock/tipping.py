@@ -189,9 +189,10 @@ def _tip(hull: Hull, toward: Array) -> tuple[float, float]:
 
     The resultant meets the plane of the face that is down. As the push grows, it goes straight
     towards where it leaves the face; on one that the rock comes to and that does not hold it, it
-    leaves on its way from where it came: where two edges are overhung, a guess, which puts rocks on
-    bumps up to half a degree off. At one push the rock only loses energy and comes back to no face.
-    At a larger one it may: a bump can turn it aside, onto a face from which the push brings it back.
+    leaves on its way from where it came: where two edges are overhung, a guess, by which rocks on
+    bumps are up to half a degree off. At one push the rock only loses energy and comes back to no
+    face. At a larger one it may: a bump can turn it aside, onto a face from which the push brings
+    it back.
     """
     faces = _faces(hull)
     group = hull.face[faces.facet]
