@@ -6,9 +6,11 @@ on the nearest edges.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
@@ -20,9 +22,6 @@ from vsr_core.scan.cleaning import colours_of
 from vsr_core.scan.topology import edges, ends
 
 Point: TypeAlias = tuple[float, float, float]
-
-_HALVINGS = 40
-"""Of an edge, until its place on a prism's wall is found."""
 
 _NEAR_END = 0.05  # a cut within this share of an edge's end passes through the vertex
 
@@ -58,6 +57,21 @@ class Plane:
         return replace(self, point=tuple(np.array(self.point) + by))
 
 
+class Wall(NamedTuple):
+    """A flat part of a cut: the plane that it lies in, and how far it reaches [m]."""
+
+    plane: Plane
+    low: Point
+    high: Point
+
+    def near(self, vertices: Array, faces: Indices) -> Mask:
+        """Faces that it may cross: those that do not lie beyond it along an axis altogether."""
+        beyond = np.hstack([vertices < self.low, vertices > self.high])
+        sides = np.packbits(beyond, axis=1)[:, 0]  # one bit of each
+        first, second, third = sides[faces].T
+        return np.asarray(first & second & third == 0)
+
+
 @dataclass(frozen=True)
 class Box:
     """The rock is within a box along the axes, from ``low`` to ``high`` [m]."""
@@ -72,19 +86,21 @@ class Box:
         -------
         ndarray, shape (n,) [m]
         """
-        if not (np.array(self.low) < np.array(self.high)).all():
+        low, high = np.array(self.low), np.array(self.high)
+        if not (low < high).all():
             raise InvalidInput(
                 f"a box from {self.low} to {self.high}", "low is below high", "swap them"
             )
-        return np.min([side.inside(mesh) for side in self.sides], axis=0)
+        return np.minimum(mesh.vertices - low, high - mesh.vertices).min(axis=1)
 
     @property
-    def sides(self) -> tuple[Plane, ...]:
-        """The planes that it lies between."""
-        from_low: tuple[Point, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-        from_high: tuple[Point, ...] = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
-        low = [Plane(self.low, normal) for normal in from_low]
-        return (*low, *(Plane(self.high, normal) for normal in from_high))
+    def walls(self) -> Iterator[Wall]:
+        """Its six sides."""
+        for axis, normal in enumerate(np.eye(3)):
+            for end in (self.low, self.high):
+                at = np.eye(3)[axis] > 0.0
+                low, high = (np.where(at, end, other) for other in (self.low, self.high))
+                yield Wall(Plane(end, tuple(normal)), tuple(low), tuple(high))
 
     def moved(self, by: Array) -> Box:
         """The same box elsewhere.
@@ -122,16 +138,12 @@ class Polygon:
         return np.where(shapely.contains(polygon, points), away, -away)
 
     @property
-    def sides(self) -> tuple[Plane | Polygon, ...]:
-        """The walls that it lies between, if it is convex; else the prism itself."""
-        polygon = shapely.geometry.polygon.orient(shapely.Polygon(self.corners))
-        if not polygon.convex_hull.equals(polygon):
-            return (self,)
-        ends = pairwise(polygon.exterior.coords)
-        return tuple(
-            Plane((x, y, 0.0), (y - other_y, other_x - x, 0.0))
-            for (x, y), (other_x, other_y) in ends
-        )
+    def walls(self) -> Iterator[Wall]:
+        """One over each of its edges."""
+        for (x, y), (other_x, other_y) in pairwise((*self.corners, self.corners[0])):
+            plane = Plane((x, y, 0.0), (y - other_y, other_x - x, 0.0))
+            low, high = (min(x, other_x), min(y, other_y)), (max(x, other_x), max(y, other_y))
+            yield Wall(plane, (*low, -math.inf), (*high, math.inf))
 
     def moved(self, by: Array) -> Polygon:
         """The same polygon elsewhere.
@@ -181,7 +193,7 @@ Cut: TypeAlias = Plane | Box | Polygon | Colour
 
 
 def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
-    """Faces split along a cut, by a box or a convex prism along each of its sides.
+    """Faces split along a cut, by a box or a prism along each of its walls.
 
     A vertex within a twentieth of an edge of the cut counts as on it.
 
@@ -195,71 +207,61 @@ def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
     faces : ndarray of int, shape (m, 3)
     rock : ndarray of bool, shape (m,), on the rock's side
     """
-    cut.inside(mesh)  # refuses what is no cut
-    sides = cut.sides if isinstance(cut, Box | Polygon) else (cut,)
-    whole, reaches = mesh, [side.inside(mesh)[mesh.faces].max(axis=1) > 0.0 for side in sides]
-    rock = np.all(reaches, axis=0)
-    for side in sides:
-        vertices, faces, rock = _split(whole, side, rock)
-        whole = trimesh.Trimesh(vertices, faces, process=False)
-    return vertices, faces, rock
-
-
-def _split(mesh: trimesh.Trimesh, cut: Cut, rock: Mask) -> tuple[Array, Indices, Mask]:
-    """The same of a cut that is one surface, which splits none but the edges of some faces."""
+    value = cut.inside(mesh)  # refuses what is no cut
     vertices, faces = np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
-    found, value = edges(faces), np.array(cut.inside(mesh))
-    own = np.logical_or.reduceat(rock[found.side // 3], found.first)
-    start, end = ends(faces, found.side[found.first]).T
-    crossed = own & (value[start] * value[end] < 0.0)
+    if isinstance(cut, Plane | Colour):
+        vertices, faces, value = _split(vertices, faces, value, np.ones(len(faces), dtype=bool))
+        return vertices, faces, value[faces].sum(axis=1) > 0.0
+    for wall in cut.walls:
+        value = wall.plane.inside(trimesh.Trimesh(vertices, process=False))
+        vertices, faces, _ = _split(vertices, faces, value, wall.near(vertices, faces))
+    middle = trimesh.Trimesh(vertices[faces].mean(axis=1), process=False)
+    return vertices, faces, cut.inside(middle) > 0.0
+
+
+def _split(
+    vertices: Array, faces: Indices, value: Array, near: Mask
+) -> tuple[Array, Indices, Array]:
+    """Vertices, faces, and value of each vertex, with edges of the near faces split where it is 0.
+
+    It is 0 of a vertex that counts as on the cut. Other faces are split where they share such an
+    edge, so that none is left with a gap.
+    """
+    met = np.zeros(len(vertices), dtype=bool)
+    met[faces[near]] = True
+    beside = met[faces].sum(axis=1) > 1
+    own, rest = faces[beside], faces[~beside]
+    found, value = edges(own), np.array(value)
+    start, end = ends(own, found.side[found.first]).T
+    crossed = np.logical_or.reduceat(near[beside][found.side // 3], found.first)
+    crossed &= value[start] * value[end] < 0.0
     share = np.zeros(len(start))
-    share[crossed] = _shares(mesh, cut, value, start[crossed], end[crossed])
+    np.divide(value[start], value[start] - value[end], out=share, where=crossed)
     value[start[crossed & (share < _NEAR_END)]] = 0.0
     value[end[crossed & (share > 1.0 - _NEAR_END)]] = 0.0
     crossed &= value[start] * value[end] < 0.0
     start, end, share = start[crossed], end[crossed], share[crossed]
     number = np.full(len(found.first), -1)
     number[crossed] = len(vertices) + np.arange(len(start))
-    between = np.full(3 * len(faces), -1)
+    between = np.full(3 * len(own), -1)
     between[found.side] = np.repeat(number, found.count)
     new = (1.0 - share)[:, None] * vertices[start] + share[:, None] * vertices[end]
-    faces, origin = _split_faces(faces, between.reshape(-1, 3))
+    parts = [rest, *_split_faces(own, between.reshape(-1, 3))]
     value = np.append(value, np.zeros(len(start)))
-    return np.concatenate([vertices, new]), faces, rock[origin] & (value[faces].sum(axis=1) > 0.0)
+    return np.concatenate([vertices, new]), np.concatenate(parts), value
 
 
-def _shares(mesh: trimesh.Trimesh, cut: Cut, value: Array, start: Indices, end: Indices) -> Array:
-    """At what share of their length edges are cut.
-
-    The distance to a prism is straight along an edge only where it is that to one wall: there the
-    place is halved in on. Colours are straight between vertices.
-    """
-    share = value[start] / (value[start] - value[end])
-    if not isinstance(cut, Polygon):
-        return share
-    low, high = np.zeros(len(start)), np.ones(len(start))
-    for _ in range(_HALVINGS):
-        share = 0.5 * (low + high)
-        points = (1.0 - share)[:, None] * mesh.vertices[start] + share[:, None] * mesh.vertices[end]
-        is_first = cut.inside(trimesh.Trimesh(points, process=False)) * value[start] > 0.0
-        low, high = np.where(is_first, share, low), np.where(is_first, high, share)
-    return share
-
-
-def _split_faces(faces: Indices, between: Indices) -> tuple[Indices, Indices]:
-    """Parts of faces, and of which each is; ``between`` numbers the new vertex on a side, or -1."""
+def _split_faces(faces: Indices, between: Indices) -> Iterator[Indices]:
+    """Parts of faces; ``between`` numbers the new vertex on a side, or -1."""
     cuts = (between >= 0).sum(axis=1)
-    origin = [np.flatnonzero(cuts == 0)]
-    parts = [faces[origin[0]]]
+    yield faces[cuts == 0]
     for k in range(3):
         turn = [(k + j) % 3 for j in range(3)]
         one = np.flatnonzero((cuts == 1) & (between[:, k] >= 0))
         a, b, c = faces[one][:, turn].T
         m = between[one, k]
-        parts += [np.column_stack([a, m, c]), np.column_stack([m, b, c])]
+        yield from (np.column_stack(part) for part in ((a, m, c), (m, b, c)))
         two = np.flatnonzero((cuts == 2) & (between[:, turn[2]] < 0))
         a, b, c = faces[two][:, turn].T
         m, n = between[two, k], between[two, turn[1]]
-        parts += [np.column_stack(part) for part in ((m, b, n), (a, m, n), (a, n, c))]
-        origin += [one, one, two, two, two]
-    return np.concatenate(parts), np.concatenate(origin)
+        yield from (np.column_stack(part) for part in ((m, b, n), (a, m, n), (a, n, c)))

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import shapely
 import trimesh
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from vsr_core.scan.cuts import Box, Plane, Polygon, split
 
@@ -52,11 +54,24 @@ def test_a_convex_prism_cuts_where_its_walls_are(turn: int) -> None:
     assert area(Polygon(corner)) == pytest.approx(2.0 + 2.0 * 2.0)
 
 
-def test_a_prism_that_is_not_convex_cuts_edges_where_its_walls_are() -> None:
-    corners = ((-0.7, -0.6), (0.0, -0.3), (0.8, -0.5), (0.6, 0.7), (-0.5, 0.6))
-    mesh = CUBE.subdivide()
-    vertices, _, _ = split(mesh, Polygon(corners))
-    new = shapely.points(vertices[len(mesh.vertices) :, :2])
-    assert len(new) > 10
-    assert shapely.distance(shapely.Polygon(corners).exterior, new).max() < 1e-9
-    assert np.ptp(vertices[len(mesh.vertices) :, 2]) == pytest.approx(2.0)
+@given(st.lists(st.tuples(st.floats(0.3, 1.0), st.floats(0.3, 0.95)), min_size=4, max_size=9))
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_a_prism_cuts_where_its_walls_are(parts: list[tuple[float, float]]) -> None:
+    """A star through the top and the bottom of a cube, but for what vertices count as on it."""
+    turn, radius = np.array(parts).T
+    turn = 2.0 * np.pi * np.cumsum(turn) / turn.sum()
+    star = shapely.Polygon(np.column_stack([radius * np.cos(turn), radius * np.sin(turn)]))
+    assume(star.is_valid and star.distance(shapely.Point(0.0, 0.0)) == 0.0)
+    corners = tuple(star.exterior.coords)[:-1]
+    for mesh in (CUBE.subdivide(), CUBE.subdivide().subdivide()):
+        off = 0.05 * mesh.edges_unique_length.max() * star.length
+        assert area(Polygon(corners), mesh) == pytest.approx(2.0 * star.area, abs=2.0 * off)
+
+
+def test_a_wall_splits_no_face_beyond_its_ends() -> None:
+    """But for those that share an edge with one that it crosses."""
+    mesh = CUBE.subdivide().subdivide().subdivide()
+    vertices, _, _ = split(mesh, Polygon(((0.1, 0.1), (0.4, 0.1), (0.1, 0.4))))
+    new = vertices[len(mesh.vertices) :]
+    assert len(new) > 0
+    assert np.abs(new[:, :2]).max() < 0.4 + 2.0 * 0.25
