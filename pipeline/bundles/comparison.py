@@ -238,6 +238,10 @@ def _matched(a: xr.DataArray, b: xr.DataArray, axis: str) -> tuple[xr.DataArray,
     first, second = (one[axis].values.tolist() for one in (a, b))
     if first == second:
         return a, b, ""
+    if axis == "yaw" and (max(first + second) >= 360.0 or min(first + second) < 0.0):
+        turned = [one.assign_coords(yaw=one.yaw % 360.0) for one in (a, b)]
+        if all(one.get_index(axis).is_unique for one in turned):
+            return _matched(*turned, axis)
     if len(first) == len(second) == 1:
         return a, b.assign_coords({axis: a[axis]}), f"{axis} {first[0]} beside {second[0]}"
     common = [value for value in first if value in second]
