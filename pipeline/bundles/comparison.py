@@ -231,17 +231,17 @@ def _both(one: Store, other: Store, file: str, name: str) -> Both | None:
 
 def _matched(a: xr.DataArray, b: xr.DataArray, axis: str) -> tuple[xr.DataArray, xr.DataArray, str]:
     """Two arrays at the places of a dimension that both have, and what that leaves out."""
+    if a[axis].equals(b[axis]):
+        return a, b, ""
     if a[axis].dtype.kind == "f":
-        rounded = [one.assign_coords({axis: one[axis].round(9)}) for one in (a, b)]
-        if all(one.get_index(axis).is_unique for one in rounded):
-            a, b = rounded  # so that a last digit parts nothing
+        places = [one[axis].round(9) for one in (a, b)]
+        if axis == "yaw":
+            places = [place % 360.0 for place in places]
+        if all(place.to_index().is_unique for place in places):  # a last digit parts nothing
+            a, b = (one.assign_coords({axis: at}) for one, at in zip((a, b), places, strict=True))
     first, second = (one[axis].values.tolist() for one in (a, b))
     if first == second:
         return a, b, ""
-    if axis == "yaw" and (max(first + second) >= 360.0 or min(first + second) < 0.0):
-        turned = [one.assign_coords(yaw=one.yaw % 360.0) for one in (a, b)]
-        if all(one.get_index(axis).is_unique for one in turned):
-            return _matched(*turned, axis)
     if len(first) == len(second) == 1:
         return a, b.assign_coords({axis: a[axis]}), f"{axis} {first[0]} beside {second[0]}"
     common = [value for value in first if value in second]
