@@ -365,6 +365,8 @@ def writing(folder: Path) -> Iterator[None]:
             given = f"a full disk that cannot be written to ({os.strerror(errno.ENOSPC)})"
             remedy = "free space and start again, or give another with DERIVED="
         rule = "it is a folder with room that you may write to"
+        if "\\" in str(folder):
+            rule, remedy = "NetCDF takes a backslash in a name for a slash", "rename it"
         raise InputError(Problem(str(folder), "", given, rule, remedy)) from error
 
 

@@ -124,6 +124,13 @@ def test_command_line_is_refused_in_a_line(capsys: pytest.CaptureFixture[str], c
     assert [word for word in words if word not in line] == []
 
 
+def test_a_backslash_in_the_name_of_the_output_is_told(vsr: Vsr, tmp_path: Path) -> None:
+    ran = vsr("run", "rock", "--site", "cuboid_1x1x2", into=tmp_path / "back\\slash")
+    told = [line for line in ran.err.splitlines() if line.startswith("vsr: ")]
+    assert (ran.code, len(told)) == (cli.REFUSED, 1)
+    assert "takes a backslash in a name for a slash; rename it" in told[0]
+
+
 @pytest.mark.parametrize("length", [200, 251, 255, 256])
 def test_a_refused_new_site_leaves_nothing(vsr: Vsr, tmp_path: Path, length: int) -> None:
     ran = vsr("init", tmp_path / "mine" / ("x" * length))
