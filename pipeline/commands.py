@@ -93,7 +93,8 @@ def prep(options: argparse.Namespace) -> int:
 
 def _inspected(question: str, options: argparse.Namespace) -> int:
     """Print what would run and what it costs, what is done, or why something would run again."""
-    about = (vars(options)[name] for name in ("product", "study", "name", "settings", "table"))
+    names = {"product", "study", "name", "settings", "table", "curves", "events", "age", "age_sd"}
+    about = (vars(options)[name] for name in names)
     if question == "status" and not options.site and all(one in (None, []) for one in about):
         return _told(named("pipeline.status:overview")(options.derived), options)
     sweep = sweep_of(options)

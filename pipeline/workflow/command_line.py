@@ -160,7 +160,7 @@ def parser() -> argparse.ArgumentParser:
             metavar="PRODUCT",
             help="of those that vsr run --help lists; fragility unless given",
         )
-        _add_options(sub, (*OF_A_SITE, "table"))
+        _add_options(sub, _OPTIONS)
         sub.add_argument("--json", action="store_true", help=JSON)
         if name == "plan":
             sub.add_argument(

@@ -92,7 +92,7 @@ DELIVERABLES = {
     ),
     "exclusion": Deliverable(
         "exclusion",
-        "which earthquakes and faults the rock speaks against; needs --age",
+        "which earthquakes and faults the rock speaks against; of faults by its --age",
         f"{_ROCK} --age 20000 --age-sd 3000",
         ("exclusion.html", "exclusion.csv", "exclusion.nc"),
         _RUN_OR_DRAWN,

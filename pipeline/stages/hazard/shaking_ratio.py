@@ -142,8 +142,8 @@ def of_model(
 
 def _known(source: str, table: RatioTable) -> ShakingRatio:
     alternatives = {
-        f"PGV/PGA: a quarter {word}": table.times(factor)
-        for word, factor in (("larger", VARIATION), ("smaller", 1.0 / VARIATION))
+        "PGV/PGA: a quarter larger": table.times(VARIATION),
+        "PGV/PGA: a fifth smaller": table.times(1.0 / VARIATION),
     }
     return ShakingRatio(table, source, alternatives)
 

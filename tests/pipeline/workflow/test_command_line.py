@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from conftest import Ran
 
+from pipeline import ROOT
 from pipeline.config.layers import known, load_site
 from pipeline.stages.mesh.originals import ORIGINALS
 from pipeline.workflow.command_line import ANSWERS, parsed, parser
@@ -85,6 +86,25 @@ def test_what_a_product_does_not_take_is_refused(
 @pytest.mark.parametrize("question", ["plan", "status", "why"])
 def test_tests_are_asked_about_by_their_folder(question: str, refused: Callable[..., str]) -> None:
     refused(question, "validation", words=("--table", "no folder of shake-table tests"))
+
+
+@pytest.mark.parametrize("question", ["plan", "status", "why"])
+def test_a_hazard_is_asked_about_by_its_options_or_their_keys(
+    question: str, vsr: Callable[..., Ran], refused: Callable[..., str]
+) -> None:
+    asked = (question, "hazard", "--site", "cuboid_1x2x3", "--set", "motion.pga.num=4")
+    refused(*asked, words=("--curves",))
+    curves = str(ROOT / "data" / "raw" / "hazard" / "made_up")
+    said = vsr(*asked, "--curves", curves, "--age", "2000")
+    assert said.code == 0
+    keys = (
+        "--set",
+        f"hazard.curves={curves}",
+        "--set",
+        "hazard.age={kind: normal, mean: 2000, sd: 0}",
+    )
+    assert said.out == vsr(*asked, *keys).out
+    refused(question, "--age", "2000", words=("--age", "fragility takes no --age"))
 
 
 def test_help_names_scans_that_can_be_fetched_and_the_schema_of_answers() -> None:
