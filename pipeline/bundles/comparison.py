@@ -236,7 +236,7 @@ def _matched(a: xr.DataArray, b: xr.DataArray, axis: str) -> tuple[xr.DataArray,
     if a[axis].dtype.kind == "f":
         places = [one[axis].round(9) for one in (a, b)]
         if axis == "yaw":
-            places = [place % 360.0 for place in places]
+            places = [(place % 360.0).round(9) % 360.0 for place in places]
         if all(place.to_index().is_unique for place in places):  # a last digit parts nothing
             a, b = (one.assign_coords({axis: at}) for one, at in zip((a, b), places, strict=True))
     first, second = (one[axis].values.tolist() for one in (a, b))

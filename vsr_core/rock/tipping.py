@@ -98,7 +98,11 @@ def rest_tilts(hull: Hull) -> Array:
     ndarray, shape (k,) [rad], ascending; the first is the given pose, 0
     """
     faces = _faces(hull)
-    stable = [f for face, f in enumerate(faces.facet) if not _overhung(faces, face).any()]
+    beside = hull.neighbours[faces.facet]
+    across = np.einsum("ijk,ik->ij", hull.normals[beside], faces.normals)
+    room = hull.offsets[beside] / faces.offsets[:, None] - across
+    held = np.flatnonzero((room >= -_OVERHANG).all(axis=1))  # few, so that few are asked of all
+    stable = faces.facet[[face for face in held.tolist() if not _overhung(faces, face).any()]]
     flat = np.unique(hull.face[stable], return_index=True)[1]
     return np.sort(np.arccos(np.clip(-hull.normals[stable][flat, 2], -1.0, 1.0)))
 
@@ -197,6 +201,7 @@ def _tip(hull: Hull, toward: Array) -> tuple[float, float]:
     faces = _faces(hull)
     group = hull.face[faces.facet]
     face = start = int(np.argmin(faces.normals[:, 2]))
+    toward = toward - (toward * faces.normals[face]).sum() * faces.normals[face]
     came = faces.offsets[face] * faces.normals[face]
     needed, uplift, more = 0.0, np.inf, _ROUNDING
     seen = np.zeros(len(group), dtype=bool)  # at this push
@@ -214,6 +219,7 @@ def _tip(hull: Hull, toward: Array) -> tuple[float, float]:
             nearer = slope > _ROUNDING * height
             np.divide(np.maximum(room, 0.0), slope, out=reach, where=nearer)
             reach[seen] = np.maximum(reach[seen], more)
+            reach[face] = np.inf
             other = int(np.argmin(reach))
             if reach[other] == more:
                 more *= 2.0  # so that it ends

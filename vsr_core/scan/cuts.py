@@ -23,6 +23,9 @@ from vsr_core.scan.topology import edges, ends
 
 Point: TypeAlias = tuple[float, float, float]
 
+_ROUNDING = 1e-12
+"""Of the largest coordinate, by which a face that lies in a wall may seem to be inside of it."""
+
 _NEAR_END = 0.05  # a cut within this share of an edge's end passes through the vertex
 
 
@@ -96,10 +99,9 @@ class Box:
     @property
     def walls(self) -> Iterator[Wall]:
         """Its six sides."""
-        for axis, normal in enumerate(np.eye(3)):
+        for normal in np.eye(3):
             for end in (self.low, self.high):
-                at = np.eye(3)[axis] > 0.0
-                low, high = (np.where(at, end, other) for other in (self.low, self.high))
+                low, high = (np.where(normal, end, other) for other in (self.low, self.high))
                 yield Wall(Plane(end, tuple(normal)), tuple(low), tuple(high))
 
     def moved(self, by: Array) -> Box:
@@ -140,7 +142,9 @@ class Polygon:
     @property
     def walls(self) -> Iterator[Wall]:
         """One over each of its edges."""
-        for (x, y), (other_x, other_y) in pairwise((*self.corners, self.corners[0])):
+        for (x, y), (other_x, other_y) in pairwise(shapely.Polygon(self.corners).exterior.coords):
+            if (x, y) == (other_x, other_y):
+                continue
             plane = Plane((x, y, 0.0), (y - other_y, other_x - x, 0.0))
             low, high = (min(x, other_x), min(y, other_y)), (max(x, other_x), max(y, other_y))
             yield Wall(plane, (*low, -math.inf), (*high, math.inf))
@@ -212,11 +216,15 @@ def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
     if isinstance(cut, Plane | Colour):
         vertices, faces, value = _split(vertices, faces, value, np.ones(len(faces), dtype=bool))
         return vertices, faces, value[faces].sum(axis=1) > 0.0
+    on = np.zeros(len(vertices), dtype=bool)
     for wall in cut.walls:
         value = wall.plane.inside(trimesh.Trimesh(vertices, process=False))
-        vertices, faces, _ = _split(vertices, faces, value, wall.near(vertices, faces))
-    middle = trimesh.Trimesh(vertices[faces].mean(axis=1), process=False)
-    return vertices, faces, cut.inside(middle) > 0.0
+        vertices, faces, value = _split(vertices, faces, value, wall.near(vertices, faces))
+        on = np.append(on, np.zeros(len(vertices) - len(on), dtype=bool)) | (value == 0.0)
+    counts = np.asarray(~on[faces] | on[faces].all(axis=1, keepdims=True))
+    middle = (counts[..., None] * vertices[faces]).sum(axis=1) / counts.sum(axis=1, keepdims=True)
+    least = _ROUNDING * np.abs(vertices).max()
+    return vertices, faces, cut.inside(trimesh.Trimesh(middle, process=False)) > least
 
 
 def _split(

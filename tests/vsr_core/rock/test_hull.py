@@ -160,6 +160,25 @@ def test_a_base_flat_but_for_rounding_is_left_at_its_edge(
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=2.0 * leans + 10.0 * size)
 
 
+@given(st.integers(0, 10**6), st.floats(0.1, 10.0), st.floats(-7.0, 7.0))
+@settings(max_examples=15, deadline=None, derandomize=True)
+def test_a_leaning_base_in_few_digits_tips_alike_turned_and_larger(
+    seed: int, scale: float, yaw: float
+) -> None:
+    """Of seven digits its facets lean by 1e-8: less than their height tells, more than rounding."""
+    rng = np.random.default_rng(seed)
+    base = np.column_stack([rng.uniform(-0.4, 0.4, (250, 2)), np.full(250, -1.0)])
+    top = rng.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 1.0), (30, 3))
+    leans = Rotation.from_rotvec(rng.normal(0.0, 0.05, 3)).as_matrix()
+    hull = convex_hull(np.round(np.vstack([base, top]) @ leans.T, 7))
+    hull = hull.turned(settle(hull)[0])
+    turned = Rotation.from_euler("z", yaw).as_matrix()
+    here = tipping(hull, ALL_ROUND[::15])
+    there = tipping(convex_hull(scale * hull.vertices @ turned.T), ALL_ROUND[::15] + yaw)
+    np.testing.assert_allclose(there.uplift, here.uplift, rtol=1e-4)
+    np.testing.assert_allclose(there.overturning, here.overturning, rtol=1e-4)
+
+
 @given(st.floats(0.2, 0.9), st.floats(0.02, 0.6), st.floats(0.5, 3.0))
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_chamfered_block_finds_a_second_rest(narrow: float, rise: float, h: float) -> None:

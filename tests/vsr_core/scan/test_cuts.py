@@ -75,3 +75,25 @@ def test_a_wall_splits_no_face_beyond_its_ends() -> None:
     new = vertices[len(mesh.vertices) :]
     assert len(new) > 0
     assert np.abs(new[:, :2]).max() < 0.4 + 2.0 * 0.25
+
+
+@pytest.mark.parametrize("height", [0.0, 0.05, 0.1, 0.2, 0.7, 1.13])
+def test_ground_in_a_wall_is_no_rock(height: float) -> None:
+    """Of three numbers 0.1 the mean is more than 0.1."""
+    ground = trimesh.creation.box((0.25, 0.25, 1.0)).subdivide().subdivide()
+    ground.apply_translation((0.0, 0.0, height + 0.5))
+    ground.vertices[ground.vertices[:, 2] < height + 0.01, 2] = height
+    high = height + 9.0
+    assert area(Box((-9.0, -9.0, height), (9.0, 9.0, high)), ground) == pytest.approx(1.0 + 0.0625)
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0), (0.0, 0.0)),
+        ((0.0, 0.0), (4.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)),
+    ],
+)
+def test_a_corner_that_is_given_twice_is_one(corners: tuple[tuple[float, float], ...]) -> None:
+    """As closed rings of geographic data have it."""
+    assert area(Polygon(corners)) == pytest.approx(2.0 + 2.0 * 2.0)
