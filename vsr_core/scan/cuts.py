@@ -24,7 +24,7 @@ from vsr_core.scan.topology import edges, ends
 Point: TypeAlias = tuple[float, float, float]
 
 _ROUNDING = 1e-12
-"""Of the largest coordinate, by which a face that lies in a wall may seem to be inside of it."""
+"""Of the largest coordinate, by which what lies in a wall may seem to be beside it."""
 
 _NEAR_END = 0.05  # a cut within this share of an edge's end passes through the vertex
 
@@ -216,14 +216,13 @@ def split(mesh: trimesh.Trimesh, cut: Cut) -> tuple[Array, Indices, Mask]:
     if isinstance(cut, Plane | Colour):
         vertices, faces, value = _split(vertices, faces, value, np.ones(len(faces), dtype=bool))
         return vertices, faces, value[faces].sum(axis=1) > 0.0
-    on = np.zeros(len(vertices), dtype=bool)
+    least, on = _ROUNDING * np.abs(vertices).max(), np.zeros(len(vertices), dtype=bool)
     for wall in cut.walls:
         value = wall.plane.inside(trimesh.Trimesh(vertices, process=False))
         vertices, faces, value = _split(vertices, faces, value, wall.near(vertices, faces))
-        on = np.append(on, np.zeros(len(vertices) - len(on), dtype=bool)) | (value == 0.0)
+        on = np.append(on, np.zeros(len(vertices) - len(on), dtype=bool)) | (np.abs(value) <= least)
     counts = np.asarray(~on[faces] | on[faces].all(axis=1, keepdims=True))
     middle = (counts[..., None] * vertices[faces]).sum(axis=1) / counts.sum(axis=1, keepdims=True)
-    least = _ROUNDING * np.abs(vertices).max()
     return vertices, faces, cut.inside(trimesh.Trimesh(middle, process=False)) > least
 
 
