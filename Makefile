@@ -155,7 +155,7 @@ figures: setup ## every figure of the paper and its table, and which of its clai
 	  $(call flag,--set,SET))
 
 #:
-#: FIG=12                 one of them: 7, 8, 10 to 17, table_1, friction, settings, printed
+#: FIG=12                 one of them: 7, 8, 10 to 17, 15a, table_1, friction, settings, printed
 #: RECORD=file            recorded motion for Fig. 7, in place of the samples
 
 ## The project

@@ -69,7 +69,7 @@ def make(
     dataset.attrs |= {"seat": seat_note, "held": held_note, "whole_seam": int(whole)}
     if held_note:
         work.log(f"{work.stage}: {held_note}")
-    note = f"{len(scanned.faces)} faces, {len(terrain.faces)} of which stand for it in runs"
+    note = f"{len(scanned.faces)} faces, for which {len(terrain.faces)} stand in runs"
     return Product(
         {TerrainData.FILE: netcdf(described(dataset, work, "Terrain"))}, f"{note}; {seat_note}"
     )
@@ -84,7 +84,7 @@ def _refusal(origin: Origin, error: InvalidInput, *, own_file: bool) -> InputErr
 
 def _bears(laid: seat.Seat, raised: float) -> str:
     if raised > 0.0:
-        return f"the rock was raised by {1e3 * raised:.1f} mm out of the ground"
+        return f"the rock was raised by {1e3 * raised:.1f} mm, out of the ground, and settled from there"
     bears = f"{len(laid.points)} points of the seam bear the rock" if len(laid.points) else ""
     moved = f"scanned ground was moved out of the rock by at most {1e3 * laid.moved:.1f} mm"
     return f"{bears or 'all of the seam bears the rock'}; {moved}"
