@@ -84,7 +84,8 @@ def _refusal(origin: Origin, error: InvalidInput, *, own_file: bool) -> InputErr
 
 def _bears(laid: seat.Seat, raised: float) -> str:
     if raised > 0.0:
-        return f"the rock was raised by {1e3 * raised:.1f} mm, out of the ground, and settled from there"
+        by = f"{1e3 * raised:.1f} mm"
+        return f"the rock was raised by {by}, out of the ground, and settled from there"
     bears = f"{len(laid.points)} points of the seam bear the rock" if len(laid.points) else ""
     moved = f"scanned ground was moved out of the rock by at most {1e3 * laid.moved:.1f} mm"
     return f"{bears or 'all of the seam bears the rock'}; {moved}"
