@@ -150,8 +150,8 @@ def tipping(hull: Hull, direction: Array) -> Tipping:
 class _Faces(NamedTuple):
     """Faces of a hull, which lie in different planes, by one facet of each.
 
-    Only planes are asked, not which facets are neighbours: where a base is flat but for rounding,
-    Qhull merges facets to some that are not convex.
+    A walk asks for planes only, not which facets are neighbours: where a base is flat but for
+    rounding, Qhull merges facets to some that are not convex.
     """
 
     facet: Indices
@@ -219,7 +219,6 @@ def _tip(hull: Hull, toward: Array) -> tuple[float, float]:
             nearer = slope > _ROUNDING * height
             np.divide(np.maximum(room, 0.0), slope, out=reach, where=nearer)
             reach[seen] = np.maximum(reach[seen], more)
-            reach[face] = np.inf
             other = int(np.argmin(reach))
             if reach[other] == more:
                 more *= 2.0  # so that it ends
